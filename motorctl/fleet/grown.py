@@ -28,6 +28,7 @@ from motorctl.identify.columns.measured import SIGNALS, with_others
 from motorctl.identify.fit.declared_models import declared_models
 from motorctl.identify.fit.recording import fit_axis
 from motorctl.identify.fit.result import AxisFit
+from motorctl.identify.fit.settings import FitOptions
 from motorctl.log.parquet_pieces import ParquetPieces
 from motorctl.log.read import recording_of
 from motorctl.log.row_groups import RowGroupTable
@@ -131,10 +132,10 @@ def what_grew(
         Where a log is not where it was, or tells nothing.
     """
     declared = declared or Declared()
-    earlier, later = (
-        _Leftovers([_fitted(seen, axis, declared) for seen in windows])
-        for windows in (before, after)
-    )
+    first = _fitted(before[0], axis, declared)
+    alike = FitOptions(filter_hz=first.options.filter_hz)  # in one band
+    earlier = _Leftovers([first, *(_fitted(seen, axis, declared, alike) for seen in before[1:])])
+    later = _Leftovers([_fitted(seen, axis, declared, alike) for seen in after])
     growth = later.mean_square - earlier.mean_square
     if growth <= 0.0:
         return None
@@ -301,7 +302,9 @@ def _refined(later: _Leftovers, cls: type[Effect], line: float) -> tuple[float, 
     return best
 
 
-def _fitted(seen: Seen, axis: str, declared: Declared) -> AxisFit:
+def _fitted(
+    seen: Seen, axis: str, declared: Declared, options: FitOptions | None = None
+) -> AxisFit:
     """Fit a window of a log again. Raises DataError where it is not there any more."""
     if identity_of(seen.source) != seen.log_id:
         raise DataError(f"{seen.source}: is another log by now than the one that was looked at")
@@ -314,4 +317,4 @@ def _fitted(seen: Seen, axis: str, declared: Declared) -> AxisFit:
         recording = recording_of(RowGroupTable(seen.source, file, groups), "keep", SIGNALS)
     machine = declared.machine(recording.metadata["config"], seen.source)
     models = declared_models(recording, declared.model, axis, machine=machine)
-    return fit_axis(with_others(recording, axis), models[axis])
+    return fit_axis(with_others(recording, axis), models[axis], options)

@@ -51,7 +51,10 @@ def logs(tmp_path: Path) -> Logs:
 
 @pytest.mark.parametrize(
     ("kind", "name", "pitch_m"),
-    [("encoder dirty", "encoder_error", 0.001), ("bearing damaged", "cogging", 0.0113)],
+    [
+        ("encoder dirty", "encoder_error", 0.001),
+        pytest.param("bearing damaged", "cogging", 0.0113, marks=pytest.mark.slow),
+    ],
 )
 def test_a_wave_that_grew_is_told_by_its_name_and_its_pitch(
     logs: Logs, kind: str, name: str, pitch_m: float
@@ -64,6 +67,7 @@ def test_a_wave_that_grew_is_told_by_its_name_and_its_pitch(
     assert grown.after_rms > 3.0 * grown.before_rms
 
 
+@pytest.mark.slow
 def test_a_wave_that_was_there_before_is_not_what_grew(logs: Logs) -> None:
     marked = {"mark": 0.05}  # a second pitch that the model lacks, on both sides
     assert what_grew(logs(SOUND, 0.0, **marked), logs(SOUND, 0.0, 30, **marked), "x") is None
@@ -82,10 +86,9 @@ def test_what_is_no_wave_is_not_called_one(logs: Logs, kind: str) -> None:
 
 
 def test_a_log_that_became_another_one_is_not_taken_for_it(logs: Logs) -> None:
-    before, after = logs(SOUND, 0.0), logs(SOUND, 0.0, 30)
-    after[1] = replace(after[1], source=before[0].source)
+    before, other, _ = logs(SOUND, 0.0)
     with pytest.raises(DataError, match="is another log by now"):
-        what_grew(before, after, "x")
+        what_grew([before], [replace(other, source=before.source)], "x")
 
 
 @pytest.mark.slow
