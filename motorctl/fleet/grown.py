@@ -198,7 +198,8 @@ class _Leftovers:
         self._declared: list[Array] = []
         for fit in fits:
             psi, command = fit.columns.at(fit.delay_s)
-            basis = np.linalg.qr(psi / np.linalg.norm(psi, axis=0))[0]
+            size = np.linalg.norm(psi, axis=0)
+            basis = np.linalg.qr(psi / np.where(size > 0.0, size, 1.0))[0]
             self._declared.append(basis)
             self.left.append(command - basis @ (basis.T @ command))
         self.rows = sum(map(len, self.left))
