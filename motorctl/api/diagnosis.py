@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from motorctl.api.recordings import AnyRecording, read_for_analysis
+from motorctl.api.recordings import AnyRecording, open_for_diagnosis
 
 if TYPE_CHECKING:
     from motorctl.identify.diagnose.result import RecordingDiagnosis
     from motorctl.identify.refine.refinement import Refinement
+    from motorctl.log import Recording
+    from motorctl.long_logs.long_log import LongLog
+    from motorctl.model import Effect, EffectList
 
 Progress = Callable[[str, float], None]
 
@@ -31,6 +34,9 @@ def diagnose(
 
     A recording of any other machine is described by a YAML file that names its columns and units;
     its path is then the recording.
+
+    Of a long log, seven minutes at 5 kHz or more, no more is read than the stretches that tell most
+    of each axis' declared parameters; `axes[...].read` tells which.
 
     Parameters
     ----------
@@ -64,7 +70,6 @@ def diagnose(
         Where the axis or the model are not there.
     """
     from motorctl.config.chosen_code import allowed_by
-    from motorctl.identify.diagnose.recording import diagnose_recording
     from motorctl.identify.fit.declared_models import (
         declared_models,
         is_file,
@@ -76,15 +81,17 @@ def diagnose(
 
     may_run = allowed_by(allow_code)
     _tell_reading(progress)
-    read = read_for_analysis(recording, whole_run)
-    test = None if evaluate is None else read_for_analysis(evaluate)
+    read, long = open_for_diagnosis(recording, whole_run)
     machine = machine_of(read, model, may_run)
     models = declared_models(read, model, axis, may_run, machine)
-    if machine is not None:
-        check_belongs(read, machine, models)
+
+    def check(looked_at: Recording, axes: Sequence[str]) -> None:
+        if machine is not None:
+            check_belongs(looked_at, machine, axes)
+
     further = [] if machine is None else list(machine.further_effects.values())
     inertia = declared_inertias(read, machine, models)
-    found = diagnose_recording(read, models, progress, test, further, inertia)
+    found = _diagnosed(read, long, models, progress, evaluate, further, inertia, check)
     untried = [f"{name} was not tried: {why}" for name, why in failed_effects().items()]
     if not is_file(model):
         untried += [
@@ -93,6 +100,34 @@ def diagnose(
             for name in untried_effects(read, machine)
         ]
     return replace(found, notes=(*found.notes, *untried))
+
+
+def _diagnosed(
+    read: Recording,
+    long: LongLog | None,
+    models: Mapping[str, EffectList],
+    progress: Progress | None,
+    evaluate: AnyRecording | None,
+    further: Sequence[type[Effect]],
+    inertia: Mapping[str, tuple[float, float]],
+    check: Callable[[Recording, Sequence[str]], None],
+) -> RecordingDiagnosis:
+    """Check and diagnose a recording, or what tells most of a long one."""
+    from motorctl.identify.diagnose.recording import diagnose_recording
+    from motorctl.long_logs.diagnosis import diagnose_long, read_to_evaluate
+
+    test, notes = None, list[str]()
+    if evaluate is not None:
+        test, long_test = open_for_diagnosis(evaluate)
+        if long_test is not None:
+            test, told = read_to_evaluate(long_test, models)
+            notes.append(told)
+    if long is None:
+        check(read, list(models))
+        found = diagnose_recording(read, models, progress, test, further, inertia)
+    else:
+        found = diagnose_long(long, models, progress, test, further, inertia, check=check)
+    return replace(found, notes=(*found.notes, *notes))
 
 
 def refine(
@@ -140,7 +175,6 @@ def refine(
         Where the text cannot be changed in place, or the new file cannot be written.
     """
     from motorctl.errors import UsageError
-    from motorctl.identify.diagnose.recording import diagnose_recording
     from motorctl.identify.refine.refinement import load_machine, refine_config
     from motorctl.identify.same_axis import declared_inertias, require_same_machine
 
@@ -151,15 +185,18 @@ def refine(
         raise UsageError(f"{new}: a configuration is a .yaml file")
     machine, _ = load_machine(os.fspath(config))
     _tell_reading(progress)
-    read = read_for_analysis(recording, whole_run)
+    read, long = open_for_diagnosis(recording, whole_run)
     names = list(read.axes) if axis is None else [axis]
     require_same_machine(read, machine, names)
-    found = diagnose_recording(
+    found = _diagnosed(
         read,
+        long,
         {name: machine.axes[name].declared for name in names},
         progress,
-        further=list(machine.further_effects.values()),
-        inertia=declared_inertias(read, machine, names),
+        None,
+        list(machine.further_effects.values()),
+        declared_inertias(read, machine, names),
+        lambda looked_at, axes: require_same_machine(looked_at, machine, axes),
     )
     if progress is not None:
         progress("refining", 1.0)

@@ -10,6 +10,7 @@ from motorctl.api.log import Log, RecordingPath
 
 if TYPE_CHECKING:
     from motorctl.log import Recording
+    from motorctl.long_logs.long_log import LongLog
 
 AnyRecording = Log | RecordingPath | Sequence[RecordingPath]
 """A `Log`; or a log, a CSV, Parquet, MAT or HDF5 file or its YAML description; or several logs of a
@@ -23,6 +24,17 @@ def paths_of(recording: AnyRecording, whole_run: bool) -> tuple[list[RecordingPa
     if isinstance(recording, str | os.PathLike):
         return [recording], whole_run
     return list(recording), whole_run
+
+
+def open_for_diagnosis(
+    recording: AnyRecording, whole_run: bool = False
+) -> tuple[Recording, LongLog | None]:
+    """Return a recording as `read_for_analysis`; of a long log a few rows, and the log."""
+    from motorctl.long_logs.long_log import long_log
+
+    paths, whole = paths_of(recording, whole_run)
+    log = long_log(paths, whole)
+    return (log.head, log) if log else (read_for_analysis(recording, whole_run), None)
 
 
 def read_for_analysis(recording: AnyRecording, whole_run: bool = False) -> Recording:

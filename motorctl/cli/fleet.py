@@ -39,6 +39,13 @@ CovariatesFile = Annotated[
         show_default=False,
     ),
 ]
+ReadLogs = Annotated[
+    bool,
+    typer.Option(
+        "--logs/--no-logs",
+        help="Read logs before and after again, where the fit leaves more, to name what grew.",
+    ),
+]
 AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON document.")]
 StoreOption = Annotated[
     Path, typer.Option("--store", metavar="DIR", help="The folder of findings.", show_default=False)
@@ -134,12 +141,14 @@ def _changes(
     false_alarms: FalseAlarms = 1.0,
     looks_a_day: LooksADay = 1.0,
     covariates: CovariatesFile = None,
+    read_logs: ReadLogs = True,
     as_json: AsJson = False,
 ) -> None:
     """Tell which parameters of which machines changed, since when, and what to look at first."""
     require("motorctl fleet", "fleet", *NEEDED)
     from motorctl.fleet.changes import changes_in
     from motorctl.fleet.covariates import read_covariates
+    from motorctl.fleet.grown import named
     from motorctl.fleet.store import open_store
 
     found = changes_in(
@@ -148,12 +157,21 @@ def _changes(
         looks_a_day=looks_a_day,
         covariates=read_covariates(covariates) if covariates else None,
     )
+    told = {k: name for k, alarm in enumerate(found.alarms) if read_logs and (name := named(alarm))}
     if as_json:
-        say(json.dumps(found.to_dict()))
+        document = found.to_dict()
+        for k, name in told.items():
+            grown = name if isinstance(name, str) else name.to_dict()
+            document["alarms"][k]["not_named" if isinstance(name, str) else "grown"] = grown
+        say(json.dumps(document))
         return
     console = Terminal()
     if found.alarms:
         console.print(_alarms(found.alarms))
+        for k, name in told.items():
+            series = found.alarms[k].series
+            words = name if isinstance(name, str) else f"what grew is {name.sentence}"
+            say(f"{series.machine} {series.axis} {series.name}: {words}")
         first = found.alarms[0]
         say(f"look at first: machine {first.series.machine}, axis {first.series.axis}: {first.log}")
     if found.unlike:
@@ -173,6 +191,7 @@ def _report(
     false_alarms: FalseAlarms = 1.0,
     looks_a_day: LooksADay = 1.0,
     covariates: CovariatesFile = None,
+    read_logs: ReadLogs = True,
     scope_port: Annotated[
         int,
         typer.Option(
@@ -193,6 +212,7 @@ def _report(
         looks_a_day=looks_a_day,
         covariates=read_covariates(covariates) if covariates else None,
         scope_port=scope_port,
+        read_logs=read_logs,
     )
     say(f"{out}: {_judged(found)}")
 

@@ -22,7 +22,7 @@ from motorctl.fleet.influence import (
     influence_on,
     remainder_of,
 )
-from motorctl.fleet.series import Series, series_of
+from motorctl.fleet.series import Seen, Series, series_of
 from motorctl.fleet.siblings import Standing, latest_level, standings
 from motorctl.fleet.store import Store
 from motorctl.json_values import plain
@@ -103,6 +103,19 @@ class Alarm:
     def point(self) -> int:
         """The point to look at: the first one after the step, or the last one of a drift."""
         return -1 if self.change.form == "drift" else self.change.first
+
+    def around(self, most: int) -> tuple[tuple[Seen, ...], tuple[Seen, ...]]:
+        """Return windows of the last points before it, and of as many after: of a drift the last.
+
+        Parameters
+        ----------
+        most
+            So many of each, at most.
+        """
+        seen, first = self.series.seen, self.change.first
+        before = seen[max(0, first - most) : first] or seen[:most]
+        drifts = self.change.form == "drift"
+        return before, seen[-most:] if drifts else seen[first : first + most]
 
     @property
     def log(self) -> str:

@@ -11,11 +11,11 @@ from typing import Any
 import pyarrow as pa
 
 from motorctl.fleet.head import LogHead
-from motorctl.fleet.windows import Window
 from motorctl.identify.diagnose.result import AxisDiagnosis
 from motorctl.identify.fit.report import parameter_values
 from motorctl.identify.fit.result import AxisFit
 from motorctl.json_values import finite
+from motorctl.long_logs.windows import Window
 from motorctl.version import VERSION
 
 SCHEMA_VERSION = 1

@@ -9,8 +9,6 @@ from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from typing import Any
 
-import numpy as np
-
 from motorctl.config import Machine, load_resolved
 from motorctl.config.chosen_code import allowed_by
 from motorctl.errors import ConfigError, DataError
@@ -18,11 +16,11 @@ from motorctl.fleet.paths import ends_of, opened
 from motorctl.flight.records import METADATA as FLIGHT_RECORD
 from motorctl.log.convert import load_metadata
 from motorctl.log.parquet_pieces import ParquetPieces
+from motorctl.long_logs.footer import POSITION, moved_in, times_of
 from motorctl.model import known_effects
 from motorctl.model.columns import form_key
 
 _END_BYTES = 1 << 16
-_POSITION = ".position_m"
 _FOOTER_END = b"PAR1"
 SIMULATED = " (simulated)"
 """What is told behind a machine's name of logs that no machine recorded: they are no days of it."""
@@ -122,12 +120,13 @@ def read_head(source: str, declared: Declared) -> LogHead:
             )
         begin_utc = _moment(source, began)
         names = file.schema.names
-        axes = [n.removesuffix(_POSITION) for n in names if n.endswith(_POSITION)]
+        axes = [n.removesuffix(POSITION) for n in names if n.endswith(POSITION)]
         if not sum(file.group_rows) or not axes or "time_s" not in names:
             raise DataError(f"{source}: has no rows of an axis")
         pieces = ParquetPieces(source, file)
-        first_s, last_s = _times(source, pieces)
-        moved = {axis: _moved(pieces, axis) for axis in axes}
+        begins_s, ends_s = times_of(source, pieces)
+        first_s, last_s = float(begins_s[0]), float(ends_s[-1])
+        moved = {axis: moved_in(pieces, axis) for axis in axes}
         group_rows = file.group_rows
     meant = declared.machine(config, source)
     described = config.get("axes")
@@ -220,24 +219,3 @@ def _moment(source: str, began: object) -> datetime:
             "recorded is not known"
         ) from error
     return moment.astimezone(UTC) if moment.tzinfo else moment.replace(tzinfo=UTC)
-
-
-def _times(source: str, pieces: ParquetPieces) -> tuple[float, float]:
-    """Return first and last time [s]. Raises DataError where row groups do not follow."""
-    low, high = pieces.extremes("time_s")
-    if not np.isfinite([*low, *high]).all():
-        raise DataError(f"{source}: its footer does not tell the times of its row groups")
-    back = np.flatnonzero(low[1:] <= high[:-1])
-    if len(back):
-        k = int(back[0])
-        raise DataError(
-            f"{source}: rows of more than one recording: row group {k + 2} begins at "
-            f"{low[k + 1]:.6g} s, and the one before ends at {high[k]:.6g} s; give the recordings "
-            "one by one"
-        )
-    return float(low[0]), float(high[-1])
-
-
-def _moved(pieces: ParquetPieces, axis: str) -> tuple[bool, ...]:
-    low, high = pieces.extremes(axis + _POSITION)
-    return tuple(bool(moved) for moved in ~(low == high))

@@ -9,7 +9,7 @@ from typing import Any
 from motorctl.fleet.findings import Refusal, Row, nothing_row
 from motorctl.fleet.head import Declared, LogHead
 from motorctl.fleet.look import look_at_window, scan
-from motorctl.fleet.windows import MOST_ROWS, Window, clearest, whole_log, windows_of
+from motorctl.long_logs.windows import MOST_ROWS, Window, clearest, whole_log, windows_of
 
 SCANNED_ROWS = 1 << 22
 """Rows that one task scans. Larger shares a log among fewer workers, smaller gives the scheduler

@@ -6,21 +6,21 @@ from collections.abc import Sequence
 
 from motorctl.config import Machine
 from motorctl.errors import DataError, MotorctlError
-from motorctl.fleet.excitation import Excitation, Scanned, excitation_of
 from motorctl.fleet.findings import Refusal, Row, diagnosis_rows, fit_rows, nothing_row
 from motorctl.fleet.head import ConfigurationError, Declared, LogHead, damaged_id, read_head
 from motorctl.fleet.paths import is_there, opened
-from motorctl.fleet.windows import Window
 from motorctl.identify.columns.measured import SIGNALS, with_others
 from motorctl.identify.diagnose.freed_memory import give_freed_memory_back
 from motorctl.identify.diagnose.recording import diagnose_recording
 from motorctl.identify.fit.declared_models import declared_models
 from motorctl.identify.fit.recording import fit_axis
-from motorctl.identify.fit.settings import FitOptions
 from motorctl.identify.same_axis import check_belongs, declared_inertias
 from motorctl.log import Recording
 from motorctl.log.read import recording_of
 from motorctl.log.row_groups import RowGroupTable
+from motorctl.long_logs.excitation import Excitation, Scanned
+from motorctl.long_logs.scan import scanned
+from motorctl.long_logs.windows import Window
 
 
 def look_at_head(source: str, declared: Declared) -> LogHead | tuple[Refusal, str | None]:
@@ -39,26 +39,21 @@ def look_at_head(source: str, declared: Declared) -> LogHead | tuple[Refusal, st
 def scan(head: LogHead, declared: Declared, groups: Sequence[int]) -> Scanned | Refusal:
     """Return what the motion in some row groups of a log tells, of each axis.
 
-    They are read one by one; those in which the file itself says that an axis did not move are not
-    read for it.
+    Row groups in which the file itself says that an axis did not move are not read for it.
     """
     told: dict[str, list[Excitation | None]] = {axis: [] for axis in head.moved}
-    options: dict[str, FitOptions | None] = dict.fromkeys(told)
-    machine: Machine | None = None
     try:
         with opened(head.source) as file:
-            for k in groups:
-                moving = [axis for axis in told if head.moved[axis][k]]
-                for axis in told.keys() - moving:
-                    told[axis].append(None)
-                if not moving:
-                    continue
-                recording = recording_of(RowGroupTable(head.source, file, [k]), "keep", SIGNALS)
-                machine = machine or _machine(declared, recording)
-                models = declared_models(recording, declared.model, machine=machine)
-                for axis in moving:
-                    data = with_others(recording, axis)
-                    found, options[axis] = excitation_of(data, models[axis], options[axis])
+            for of_group in scanned(
+                head.source,
+                file,
+                head.moved,
+                groups,
+                lambda first: declared_models(
+                    first, declared.model, machine=_machine(declared, first)
+                ),
+            ):
+                for axis, found in of_group.items():
                     told[axis].append(found)
     except DataError as error:
         return Refusal(head.source, str(error), is_there(head.source))

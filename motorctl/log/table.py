@@ -30,6 +30,8 @@ class Table(ABC):
     kind: str
     notes: tuple[str, ...] = ()
     """What a reader of results should know of the file."""
+    left_out: int = 0
+    """Rows between those of the table that were left out on purpose."""
     in_seconds: frozenset[str] = frozenset()
     """Columns of dates or times of day that were read as seconds."""
 

@@ -185,9 +185,10 @@ def grid_of_time(
     if ticks[-1] == len(ticks) - 1:
         uniform = time_s[0] + np.arange(len(ticks)) / rate
         return Grid(rate, uniform, (), 0, slice(None), ticks)
-    missing = int(ticks[-1]) + 1 - len(ticks)
+    missing = int(ticks[-1]) + 1 - len(ticks) - table.left_out
     if gaps == "keep":
-        return Grid(rate, time_s, (f"{missing} ticks are missing",), 0, slice(None), ticks)
+        notes = (f"{missing} ticks are missing",) if missing else ()
+        return Grid(rate, time_s, notes, 0, slice(None), ticks)
     return _filled(table, time_s, ticks, rate)
 
 

@@ -87,7 +87,7 @@ def nights_of(machine: Machine, told: dict[int, list[Told]], tracking: list[floa
 
 
 def alarm(parameter: str) -> Told:
-    return Told(parameter, "step", 0.0, 9.0, "log")
+    return Told(parameter, "step", 0.0, 9.0, "log", (), ())
 
 
 def from_night(first: int, *names: str) -> dict[int, list[Told]]:

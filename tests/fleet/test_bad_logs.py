@@ -21,8 +21,8 @@ from motorctl.fleet.conflicts import conflicts_of
 from motorctl.fleet.findings import Refusal
 from motorctl.fleet.head import Declared, LogHead, damaged_id
 from motorctl.fleet.look import look_at_head, look_at_window, scan
-from motorctl.fleet.windows import whole_log
 from motorctl.log.columns import METADATA_KEY
+from motorctl.long_logs.windows import whole_log
 
 BEGAN = datetime(2026, 3, 1, 6, tzinfo=UTC)
 

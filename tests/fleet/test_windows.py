@@ -17,9 +17,9 @@ from hypothesis import strategies as st
 from motorctl import fit
 from motorctl.experiment.information import Products
 from motorctl.fleet import job
-from motorctl.fleet.excitation import Excitation
 from motorctl.fleet.findings import Refusal
-from motorctl.fleet.windows import LONGEST_SPAN_S, MOST_ROWS, clearest, windows_of
+from motorctl.long_logs.excitation import Excitation
+from motorctl.long_logs.windows import LONGEST_SPAN_S, MOST_ROWS, clearest, windows_of
 
 PERIOD_S = 1.0 / 5000.0
 GROUP = 1 << 16

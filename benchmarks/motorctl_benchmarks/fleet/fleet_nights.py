@@ -12,7 +12,7 @@ import shutil
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from datetime import datetime, timedelta
 from pathlib import Path
 from typing import Any
@@ -28,7 +28,9 @@ from motorctl.errors import MotorctlError
 from motorctl.fleet.changes import Alarm, changes_in
 from motorctl.fleet.cluster import engine
 from motorctl.fleet.covariates import Covariates, read_covariates
+from motorctl.fleet.grown import LOGS, what_grew
 from motorctl.fleet.run import diagnose_fleet
+from motorctl.fleet.series import Seen
 from motorctl.fleet.store import Store, open_store
 from motorctl.latency.progress import Progress
 from motorctl_benchmarks.fleet.fleet_logs import BEGAN, write_log
@@ -90,6 +92,9 @@ class Told:
     """When it says that it began, in days of the fleet."""
     size: float
     log: str
+    before: tuple[Seen, ...]
+    """Windows of the last points before it."""
+    after: tuple[Seen, ...]
 
 
 @dataclass
@@ -238,7 +243,9 @@ class _StoreThen(Store):
 def _told(alarm: Alarm) -> Told:
     since = (alarm.since[0 if alarm.change.form == "drift" else 1] - BEGAN).total_seconds()
     series = alarm.series
-    return Told(series.name, alarm.change.form, since / 86400.0, alarm.change.size, alarm.log)
+    change = alarm.change
+    around = alarm.around(LOGS)
+    return Told(series.name, change.form, since / 86400.0, change.size, alarm.log, *around)
 
 
 def first_told(machine: Machine, nights: Nights) -> int | None:
@@ -264,7 +271,11 @@ def new_in(machine: Machine, nights: Nights, night: int) -> list[Told]:
 
 
 def _name_what_is_lacking(fleet: Fleet, folder: Path, nights: Nights) -> None:
-    """Diagnose the log that `changes` points to where the fit's residual grew, as it suggests."""
+    """Name what grew where the fit's residual did, as `fleet changes` does; else diagnose the log.
+
+    That is what `changes` suggests where it has no name.
+    """
+    again = folder / "again"
     for place, machine in enumerate(fleet.machines):
         night = first_told(machine, nights)
         if night is None:
@@ -272,13 +283,24 @@ def _name_what_is_lacking(fleet: Fleet, folder: Path, nights: Nights) -> None:
         first = new_in(machine, nights, night)[0]
         if first.parameter != LACKS:
             continue
-        number = int(Path(first.log).stem)
-        make_log(fleet, place, number, str(folder / "again"))
-        path = log_path(folder / "again", machine, number)
+
+        def made(seen: Seen, place: int = place, machine: Machine = machine) -> Seen:
+            number = int(Path(seen.source).stem)
+            make_log(fleet, place, number, str(again))
+            return replace(seen, source=str(log_path(again, machine, number)))
+
+        before, after = (
+            [made(seen) for seen in windows] for windows in (first.before, first.after)
+        )
         try:
+            grown = what_grew(before, after, "x")
+            if grown is not None:
+                nights.named[machine.name] = grown.name
+                continue
+            path = log_path(again, machine, int(Path(first.log).stem))
             axis = motorctl.diagnose(path).axes["x"]
             said = [effect.name for effect in axis.effects]
             nights.named[machine.name] = ", ".join(said) or axis.verdict
         except MotorctlError as error:
             nights.named[machine.name] = str(error)
-    shutil.rmtree(folder / "again", ignore_errors=True)
+    shutil.rmtree(again, ignore_errors=True)

@@ -23,6 +23,7 @@ from motorctl.fleet.changes import (
     level_of,
 )
 from motorctl.fleet.covariates import Covariates
+from motorctl.fleet.grown import Grown, named
 from motorctl.fleet.report.machines import UNNAMED, MachineSeen, machines_in
 from motorctl.fleet.report.trend import HEIGHT, SMALL_HEIGHT, SMALL_WIDTH, WIDTH, small, trend_of
 from motorctl.fleet.series import COLUMNS, Seen, Series, newest_rows, series_from
@@ -71,6 +72,7 @@ def write_fleet_page(
     covariates: Covariates | None = None,
     scope_port: int = PORT,
     now: datetime | None = None,
+    read_logs: bool = True,
 ) -> FleetChanges:
     """Write a fleet as one self-contained page.
 
@@ -86,6 +88,8 @@ def write_fleet_page(
         Of the scope that links lead to.
     now
         Against which machines are silent; None: the time of this computer.
+    read_logs
+        Whether logs are read again to name what grew where the fit leaves more.
 
     Returns
     -------
@@ -125,7 +129,10 @@ def write_fleet_page(
         covariates=() if covariates is None else covariates.names,
         large=(WIDTH, HEIGHT),
         small=(SMALL_WIDTH, SMALL_HEIGHT),
-        alarms=[_alarm(alarm, found, links, numbers) for alarm in shown],
+        alarms=[
+            _alarm(alarm, found, links, numbers) | {"grown": _grown(alarm) if read_logs else None}
+            for alarm in shown
+        ],
         more=[_alarm_row(alarm, links, numbers) for alarm in found.alarms[MOST_PICTURES:]],
         unlike=[_unlike(one, links, numbers) for one in found.unlike],
         explained=[_explained(one, found, links, numbers) for one in found.explained],
@@ -190,6 +197,12 @@ def _alarm(
         "trend": trend_of(alarm.judged, alarm.change, found.judged, plain=False),
         "span": (series.moment(0), series.moment(-1)),
     }
+
+
+def _grown(alarm: Alarm) -> str | None:
+    """Return what grew, in words, where that is asked of an alarm."""
+    found = named(alarm)
+    return f"What grew is {found.sentence}" if isinstance(found, Grown) else found
 
 
 def _unlike(one: Unlike, links: _Links, numbers: dict[str, int]) -> dict[str, Any]:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from motorctl.identify.columns.left_side import Side
 from motorctl.identify.columns.measured import Measured
+from motorctl.identify.diagnose.read_stretches import ReadStretches
 from motorctl.model import Effect, EffectList
 from motorctl.model.knowledge import Family
 
@@ -215,6 +216,8 @@ class AxisDiagnosis:
     """By what method the parameters were found."""
     whole: WholeModel | None = None
     """What physics says of the model with all that was found."""
+    read: ReadStretches | None = None
+    """What of a long log was read; None: all of the recording."""
     seconds: float = 0.0
 
 

@@ -7,6 +7,7 @@ from dataclasses import asdict
 from typing import Any
 
 from motorctl.identify.columns.measured import Measured
+from motorctl.identify.diagnose.read_stretches import ReadStretches
 from motorctl.identify.diagnose.report.parameter_text import (
     Value,
     compensation_values,
@@ -61,11 +62,16 @@ def axis_document(axis: AxisDiagnosis) -> dict[str, Any]:
         "error": _error_document(axis),
         "estimator": None if axis.estimator is None else asdict(axis.estimator),
         "whole_model": None if axis.whole is None else asdict(axis.whole),
+        "read": None if axis.read is None else _read_document(axis.read),
         "dropped": dict(axis.dropped),
         "notes": list(axis.notes),
         "seconds": axis.seconds,
     }
     return {key: plain(part) for key, part in document.items()}
+
+
+def _read_document(read: ReadStretches) -> dict[str, Any]:
+    return {**asdict(read), "rows": read.rows, "sentence": read.sentence}
 
 
 def _effect_document(data: Measured, found: FoundEffect) -> dict[str, Any]:

@@ -10,7 +10,13 @@ from motorctl.identify.diagnose.report.parameter_text import (
     found_values,
     percent,
 )
-from motorctl.identify.diagnose.report.tables import Rows, effect_rows, error_rows, parameter_rows
+from motorctl.identify.diagnose.report.tables import (
+    Rows,
+    effect_rows,
+    error_rows,
+    parameter_rows,
+    stretch_rows,
+)
 from motorctl.identify.diagnose.result import AxisDiagnosis, RecordingDiagnosis
 from motorctl.notebook import frame_of_rows, html_lines, html_table
 
@@ -62,6 +68,9 @@ def _axis(name: str, axis: AxisDiagnosis) -> Iterator[str]:
     for missing in axis.missing:
         shown = f"not shown by this motion: {', '.join(missing.effects)}: {missing.why}"
         yield html_lines((shown, f"what would show it: {missing.motion}"))
+    if axis.read is not None:
+        yield html_lines((axis.read.sentence,))
+        yield html_table(*stretch_rows(axis), "what was read of the log")
     yield html_table(*error_rows(axis), "error, before and after")
     yield html_table(*parameter_rows(axis), "parameters")
     left_out = (f"{effect} was left out: {why}" for effect, why in axis.dropped.items())

@@ -21,6 +21,7 @@ from motorctl.identify.diagnose.report.tables import (
     effect_rows,
     error_rows,
     parameter_rows,
+    stretch_rows,
     tracking_rows,
 )
 from motorctl.identify.diagnose.result import AxisDiagnosis, FoundEffect, RecordingDiagnosis
@@ -80,13 +81,15 @@ def _axis(
     name: str, axis: AxisDiagnosis, pictures: Sequence[Picture], steps: Sequence[Step]
 ) -> dict[str, Any]:
     own = {p.about: figure(p.path, p.caption) for p in pictures if p.axis == name}
-    parameters, errors = parameter_rows(axis), error_rows(axis)
+    parameters, errors, read = parameter_rows(axis), error_rows(axis), stretch_rows(axis)
     unknown = axis.unknown
     return {
         "name": name,
         "verdict": axis.verdict,
         "verdict_words": VERDICTS[axis.verdict],
         "sentence": axis.sentence,
+        "read": "" if axis.read is None else axis.read.sentence,
+        "stretches": (read[0], [read[1]]),
         "errors": (errors[0], [errors[1]]),
         "parameters": (parameters[0], [parameters[1]]),
         "effects": [_effect(axis, found, own.get(found.name)) for found in axis.effects],

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
 
 from motorctl.identify.columns.measured import Measured
 from motorctl.identify.compare.measures import Measures, table_cells
@@ -50,6 +51,26 @@ class TrackingComparison:
     rows: tuple[TrackedAxis, ...]
     before: str = "before"
     after: str = "after"
+
+
+def stretch_rows(axis: AxisDiagnosis) -> tuple[tuple[str, ...], Rows]:
+    """Return headings and rows of what was read of a long log; no rows where all of it was."""
+    if axis.read is None:
+        return (), []
+    stretches = axis.read.stretches
+    several = len({stretch.log for stretch in stretches}) > 1
+    headings = ("from", "to", "rows", "told least")
+    rows: Rows = [
+        (
+            f"{stretch.begin_s:.1f} s",
+            f"{stretch.end_s:.1f} s",
+            str(stretch.rows),
+            f"{stretch.vaguest}, to {100.0 * stretch.vagueness:.2g} % of the command",
+            *((Path(stretch.log).name,) if several else ()),
+        )
+        for stretch in stretches
+    ]
+    return (*headings, "log") if several else headings, rows
 
 
 def error_rows(axis: AxisDiagnosis) -> tuple[tuple[str, ...], Rows]:

@@ -23,6 +23,7 @@ from motorctl.identify.diagnose.report.tables import (
     effect_rows,
     error_rows,
     parameter_rows,
+    stretch_rows,
 )
 from motorctl.identify.diagnose.result import (
     Alternative,
@@ -88,7 +89,10 @@ def _print_axis(console: Console, name: str, axis: AxisDiagnosis) -> None:
         _line(console, f"not shown by this motion: {', '.join(missing.effects)}", INDENT)
         _line(console, missing.why, DEEPER)
         _line(console, f"what would show it: {missing.motion}", DEEPER)
+    if axis.read is not None:
+        _line(console, axis.read.sentence, INDENT)
     for title, (headings, rows) in (
+        ("what was read of the log", stretch_rows(axis)),
         ("error, before and after", error_rows(axis)),
         ("parameters", parameter_rows(axis, forces=console.width >= WIDE)),
     ):

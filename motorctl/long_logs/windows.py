@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from motorctl.fleet.excitation import Excitation
 from motorctl.identify.columns.measured import LONGEST_STRETCH
 from motorctl.identify.fit.judgement import POORLY_DETERMINED
+from motorctl.long_logs.excitation import Excitation
 
 MOST_ROWS = LONGEST_STRETCH
 """Most rows of a window: these bound what a worker holds. Larger takes more memory, smaller cuts
@@ -31,6 +31,9 @@ class Window:
     rows: int
     clearness: float
     """The larger, the more its motion tells."""
+    vagueness: tuple[float, ...] = ()
+    """What each term of the model moves within its standard error, in parts of the command; empty
+    where it was not scanned."""
 
 
 def whole_log(axis: str, group_rows: Sequence[int]) -> Window:
@@ -43,6 +46,7 @@ def windows_of(
     group_rows: Sequence[int],
     told: Sequence[Excitation | None],
     period_s: float,
+    first_number: int = 0,
 ) -> list[Window]:
     """Cut a long log into windows that carry enough motion to tell something.
 
@@ -60,6 +64,8 @@ def windows_of(
         What each of them tells.
     period_s
         Between two rows.
+    first_number
+        Of the first window.
 
     Returns
     -------
@@ -78,7 +84,9 @@ def windows_of(
             if (vague <= POORLY_DETERMINED).any():
                 rows = sum(group_rows[k] for k in open_groups)
                 clear = float(-np.mean(np.log(np.clip(vague, 1e-9, 1e9))))
-                found.append(Window(axis, len(found), tuple(open_groups), rows, clear))
+                vagueness = tuple(map(float, vague))
+                number = first_number + len(found)
+                found.append(Window(axis, number, tuple(open_groups), rows, clear, vagueness))
         open_groups, open_told = [], None
 
     for k, more in enumerate(told):
@@ -101,3 +109,17 @@ def clearest(windows: Sequence[Window], count: int) -> set[int]:
     """Return the numbers of the windows of an axis whose motion tells most, `count` at most."""
     ranked = sorted(windows, key=lambda window: (-window.clearness, window.number))
     return {window.number for window in ranked[:count]}
+
+
+def clearest_within(windows: Sequence[Window], most_rows: int) -> list[Window]:
+    """Return the windows of an axis whose motion tells most, of so many rows at most.
+
+    One at least, where there is one; in the log's order.
+    """
+    taken: list[Window] = []
+    rows = 0
+    for window in sorted(windows, key=lambda window: (-window.clearness, window.number)):
+        if not taken or rows + window.rows <= most_rows:
+            taken.append(window)
+            rows += window.rows
+    return sorted(taken, key=lambda window: window.number)

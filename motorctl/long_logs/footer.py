@@ -1,0 +1,36 @@
+"""What the footer of a log tells of its row groups before a row is read: times, and motion."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from motorctl.errors import DataError
+from motorctl.log.parquet_pieces import ParquetPieces
+
+POSITION = ".position_m"
+
+
+def times_of(source: str, pieces: ParquetPieces) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return first and last time [s] of each row group, (K,) each.
+
+    Raises DataError where row groups do not follow each other, or the footer does not tell.
+    """
+    low, high = pieces.extremes("time_s")
+    if not np.isfinite([*low, *high]).all():
+        raise DataError(f"{source}: its footer does not tell the times of its row groups")
+    back = np.flatnonzero(low[1:] <= high[:-1])
+    if len(back):
+        k = int(back[0])
+        raise DataError(
+            f"{source}: rows of more than one recording: row group {k + 2} begins at "
+            f"{low[k + 1]:.6g} s, and the one before ends at {high[k]:.6g} s; give the recordings "
+            "one by one"
+        )
+    return low, high
+
+
+def moved_in(pieces: ParquetPieces, axis: str) -> tuple[bool, ...]:
+    """Return in which row groups the position of an axis changed, or may have."""
+    low, high = pieces.extremes(axis + POSITION)
+    return tuple(bool(moved) for moved in ~(low == high))
