@@ -47,7 +47,8 @@ class Encoder(Keys):
 class FollowingErrorLimit(Keys):
     """Trip where |e| > minimum_m + per_velocity_s |reference velocity| for filter_time_s.
 
-    Time within the limit is taken off, so that an axis that swings through its reference trips too.
+    Time within the limit is taken off, so that an axis that swings through its reference trips too,
+    where it swings by more than 1.41 times the limit: it is beyond for more than half of the time.
     """
 
     minimum_m: Positive = Field(description="limit at standstill")

@@ -165,6 +165,6 @@ def _check_command(guards: Guards, limits: Limits, period_s: float) -> Iterator[
     if saturation and saturation != Saturation() and saturation.time_s >= warm_s:
         yield (
             ("guards", "saturation", "time_s"),
-            f"found {saturation.time_s:g}, can never trip: guards.thermal does so after "
-            f"{warm_s:.3g} s at {full:g} V; should be less",
+            f"found {saturation.time_s:g}, comes too late where the command stands still: "
+            f"guards.thermal trips after {warm_s:.3g} s at {full:g} V; should be less",
         )

@@ -22,9 +22,10 @@ SELDOM = 5.0
 may be tripped by noise at the limit as seldom in a tick. Of white noise, steps have sqrt(2) times
 its standard deviation, second differences sqrt(6) times, which is rms_m: so steps have rms_m /
 sqrt(3), positions rms_m / sqrt(6). A guard that takes n samples in a row beyond its limit, which do
-not hang together, is tripped as seldom by one in p^(1/n). Larger refuses limits that are never
-preceded, smaller accepts noise that is mostly told as something else. Chosen by hand, the rest is
-arithmetic."""
+not hang together, is tripped as seldom by one in p^(1/n). One that takes n more beyond than within
+walks up and down at random, and gets so far in r^n, where r is the share beyond over that within.
+Larger refuses limits that are never preceded, smaller accepts noise that is mostly told as
+something else. Chosen by hand, the rest is arithmetic."""
 
 
 def check_noise(
@@ -88,16 +89,26 @@ def _preceded(limits: Limits, encoder: Encoder, period_s: float) -> tuple[float,
             f"overspeed, {OVERSPEED_TICKS} steps in a row beyond {fast_m:.3g} m,",
         ),
         (
-            math.sqrt(6.0) * error.minimum_m / _deviations(behind),
-            f"a following error, {behind} in a row beyond {error.minimum_m:g} m,",
+            math.sqrt(6.0) * error.minimum_m / _deviations_on_balance(behind),
+            f"a following error, {behind} more beyond {error.minimum_m:g} m than within,",
         ),
     )
 
 
 def _deviations(in_a_row: int) -> float:
     """Return how many standard deviations so many samples are beyond as seldom as one is SELDOM."""
-    both = math.erfc(SELDOM / math.sqrt(2.0)) ** (1.0 / in_a_row)
-    return max(-NormalDist().inv_cdf(0.5 * both), 1e-9)
+    return _beyond_in(math.erfc(SELDOM / math.sqrt(2.0)) ** (1.0 / in_a_row))
+
+
+def _deviations_on_balance(more: int) -> float:
+    """Return beyond how many so many more samples are than within, as seldom."""
+    ratio = math.erfc(SELDOM / math.sqrt(2.0)) ** (1.0 / more)
+    return _beyond_in(ratio / (1.0 + ratio))
+
+
+def _beyond_in(share: float) -> float:
+    """Return beyond how many standard deviations a share of Gaussian samples lies."""
+    return max(-NormalDist().inv_cdf(0.5 * share), 1e-9)
 
 
 def _rounded_down(value: float) -> float:

@@ -10,8 +10,8 @@ _SEEN = "`motorctl fault show --out pictures` draws its last seconds"
 _COMPUTER = "`motorctl latency` measures this computer, and says what to change"
 _STEPS = {
     FaultCause.FOLLOWING_ERROR: (
-        f"{_SEEN}: look for a blocked way, a command at its limit, or a gain or a limit "
-        "(limits.following_error) that is too small"
+        f"{_SEEN}: look for a blocked way, a command at its limit, a loop that oscillates (lower "
+        "the gains), or a gain or a limit (limits.following_error) that is too small"
     ),
     FaultCause.SOFT_LIMIT: (
         "after the reset move it back into limits.travel_m; look for what pushed it out, or for a "

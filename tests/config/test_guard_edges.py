@@ -115,8 +115,20 @@ def test_noise_that_a_following_error_precedes_is_refused(tmp_path):
     # Positions have rms_m / sqrt(6), and without a filter one of 5 sigma trips.
     error = {"following_error": {"minimum_m": 0.0005}}
     takes(tmp_path, **noise(0.000244, **error))
-    told = ("found 0.000246", "a following error, 1 in a row beyond 0.0005 m", "at most 0.000244")
+    told = (
+        "found 0.000246",
+        "a following error, 1 more beyond 0.0005 m than within",
+        "at most 0.000244",
+    )
     refuses(tmp_path, RMS, *told, **noise(0.000246, **error))
+
+
+def test_noise_that_lies_beyond_a_following_error_half_of_the_time_is_refused(tmp_path):
+    # However long the filter is: 401 more beyond than within come where half of them are beyond.
+    error = {"following_error": {"minimum_m": 0.0001, "filter_time_s": 0.2}}
+    takes(tmp_path, **noise(0.000355, **error))
+    told = ("a following error, 401 more beyond 0.0001 m than within", "at most 0.000355")
+    refuses(tmp_path, RMS, *told, **noise(0.000357, **error))
 
 
 def test_noise_that_a_jump_of_the_counter_precedes_is_refused(tmp_path):

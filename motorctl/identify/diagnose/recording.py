@@ -195,10 +195,10 @@ def diagnose_axis(
             raise
         try:
             if far is not None:
-                signals = make_signals(data, far.together_hz, slope)
+                signals = pieces = make_signals(data, far.together_hz, slope)
         except DataError:  # too slow a spring for so short a recording: what is said is the rest
             raise unexplained from None
-        heard = check_explains(data, signals, model, bool(plain) or held_back, data.others)
+        heard = check_explains(data, pieces, model, bool(plain) or held_back, data.others)
     if not plain:
         plain = check_no_set_point(heard.regressors.signals, declared)
     hint = far.told() if far else late_command(heard)
