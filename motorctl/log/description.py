@@ -260,7 +260,7 @@ class Description(_Part):
     file: str
     """Relative to the description."""
     header_line: Annotated[int, Field(ge=1)] | None = None
-    """The line of a text file that has the names of its columns, from 1; None: it is found."""
+    """The line of `file`, a text, that has the names of its columns, from 1; None: it is found."""
     sample_rate_hz: Positive | None = None
     time: TimeColumn | None = None
     axes: dict[str, AxisDescription] = Field(min_length=1)

@@ -14,7 +14,7 @@ from scipy.integrate import cumulative_trapezoid
 
 from motorctl.axis_units import units_of
 from motorctl.errors import DataError
-from motorctl.log.beside import columns_of_first, tables_beside
+from motorctl.log.beside import columns_of_file, tables_beside
 from motorctl.log.columns import THETA
 from motorctl.log.counted_axes import with_turns_counted
 from motorctl.log.description import (
@@ -198,7 +198,7 @@ def _read_described(path: Path, description: Description) -> Recording:
             f"{path}: file: {file} should be a CSV, Parquet, MAT or HDF5 file, or NumPy's"
         )
     clock = description.time
-    table = open_table(file, description.header_line, columns_of_first(description))
+    table = open_table(file, description.header_line, columns_of_file(description, None))
     if description.header_line is not None and not isinstance(table, CsvTable):
         raise DataError(f"{path}: header_line: {file} is no text file, and has no lines")
     table, description = tables_beside(path, description, table)
@@ -214,8 +214,8 @@ def _read_described(path: Path, description: Description) -> Recording:
         for signal, column in axis.columns.items():
             if column in table.in_seconds:
                 raise DataError(
-                    f"{path}: axes.{name}.{signal}.column: column '{column}' of {file} has times "
-                    "where numbers are needed"
+                    f"{path}: axes.{name}.{signal}.column: column '{column}' of "
+                    f"{table.holding(column).path} has times where numbers are needed"
                 )
     if clock and clock.column in table.in_seconds and "scale" in clock.model_fields_set:
         raise DataError(

@@ -32,8 +32,8 @@ class Table(ABC):
     """What a reader of results should know of the file."""
     left_out: int = 0
     """Rows between those of the table that were left out on purpose."""
-    in_seconds: frozenset[str] = frozenset()
-    """Columns of dates or times of day that were read as seconds."""
+    passed_over: int = 0
+    """Lines among the rows, or behind them, that were none and were left out."""
 
     def __init__(
         self, path: Path, names: Sequence[str], metadata: Mapping[str, Any] | None = None
@@ -43,15 +43,25 @@ class Table(ABC):
         """What messages call it."""
         self.names, self.repeated = _told_apart(names)
         self.metadata = dict(metadata or {})
+        self.in_seconds: dict[str, str] = {}
+        """Columns of dates or times of day that were read as seconds, and the first of each."""
         self._kept: NDArray[np.intp] | None = None
 
     @abstractmethod
     def _load(self, names: Sequence[str]) -> dict[str, Array]:
         """Read existing columns; an empty cell is NaN. Raises DataError."""
 
-    def row(self, index: int) -> str:
-        """Return where the row with this index (from 0) stands, counting from 1 as people do."""
-        return self._row_in_file(index if self._kept is None else int(self._kept[index]))
+    def row(self, index: int, column: str = "") -> str:
+        """Return where the row with this index (from 0) stands, counting from 1 as people do.
+
+        In the file of a column, where columns are of several.
+        """
+        place = index if self._kept is None else int(self._kept[index])
+        return self.holding(column)._row_in_file(place)
+
+    def holding(self, column: str) -> Table:
+        """Return the table of the file in which a column stands."""
+        return self
 
     def _row_in_file(self, index: int) -> str:
         return f"row {index + 1}"
@@ -178,7 +188,7 @@ class Table(ABC):
             k = int(wrong[0])
             value = "empty or not a number" if np.isnan(values[k]) else "infinite"
             raise DataError(
-                f"{self.called}: {self.row(k)}: column '{name}' is {value} "
+                f"{self.holding(name).called}: {self.row(k, name)}: column '{name}' is {value} "
                 f"({wrong.size} such of {len(values)} rows)"
             )
 

@@ -71,6 +71,7 @@ class CsvTable(Table):
     def _line_by_line(self, names: Sequence[str]) -> dict[str, Array]:
         rows = read_rows(self.path, self._head, names)
         self._lines = rows.lines
+        self.passed_over = rows.remarks + bool(rows.cut_line)
         if rows.remarks:
             line, text = rows.first_remark
             many = rows.remarks > 1
@@ -96,8 +97,8 @@ class CsvTable(Table):
                 f"{self.path}: {self.row(wrong)}: column '{name}' is not a time like the first: "
                 f"'{cells[wrong][:40]}'"
             )
-        self.in_seconds |= {name}
         begin = next(cell for cell in cells if cell)
+        self.in_seconds[name] = begin
         note = f"column '{name}' has times, the first {begin}: seconds from there"
         self.notes = tuple(dict.fromkeys((*self.notes, note)))
         return seconds

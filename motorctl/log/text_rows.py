@@ -108,6 +108,7 @@ class _Columns:
         self._told: set[str] = set()  # columns of which a first cell was seen
         self._rows = TextRows()
         self._fewest = 1 + max(self._places.values())
+        self._narrowest = len(head.names)  # cells of a row so far: a last column may be left empty
 
     def is_row(self, line: int, cells: list[str]) -> bool:
         """Return whether a line is a row; note it where it is a text, refuse a damaged row."""
@@ -131,11 +132,11 @@ class _Columns:
 
     def is_cut(self, line: int, cells: list[str]) -> bool:
         """Return whether the last line ends before its row does; note it where rows precede it."""
-        wide = len(self._head.names)
+        begin = cells[0].strip()
         if (
-            len(cells) >= wide
+            len(cells) >= self._narrowest
             or not self._rows.lines
-            or not is_number(cells[0].strip(), self._head.delimiter)
+            or not (is_number(begin, self._head.delimiter) or is_time(begin))
         ):
             return False
         self._rows.cut_line = line
@@ -144,6 +145,7 @@ class _Columns:
     def take(self, line: int, cells: list[str]) -> None:
         """Append a row."""
         self._rows.lines.append(line)
+        self._narrowest = min(self._narrowest, len(cells))
         for name, place in self._places.items():
             cell = cells[place].strip()
             empty = cell in EMPTY

@@ -32,7 +32,7 @@ def without_wild(table: Table, name: str, values: Array) -> tuple[Array, list[st
         return values, []
     out = values.copy()
     out[wild] = np.nan
-    told = "; ".join(_told(table, values, rows, int(k)) for k in wild[:_TOLD])
+    told = "; ".join(_told(table, name, values, rows, int(k)) for k in wild[:_TOLD])
     more = f"; and {wild.size - _TOLD} more" if wild.size > _TOLD else ""
     return out, [
         f"column '{name}' has {wild.size} damaged value{'s' if wild.size > 1 else ''}, left out of "
@@ -93,10 +93,10 @@ def _wild_end(x: Array, k: int) -> int | None:
     return None
 
 
-def _told(table: Table, values: Array, rows: NDArray[np.intp], wild: int) -> str:
+def _told(table: Table, name: str, values: Array, rows: NDArray[np.intp], wild: int) -> str:
     """Say where a damaged value stands, and what stands beside it."""
     place = int(np.searchsorted(rows, wild))
     before = f"{values[rows[place - 1]]:.6g} before" if place else ""
     behind = f"{values[rows[place + 1]]:.6g} behind" if place + 1 < len(rows) else ""
     beside = " and ".join(filter(None, (before, behind)))
-    return f"{table.row(wild)} is {values[wild]:.6g}, with {beside}"
+    return f"{table.row(wild, name)} is {values[wild]:.6g}, with {beside}"

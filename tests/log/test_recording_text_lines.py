@@ -65,6 +65,28 @@ def test_a_last_line_that_was_cut_is_left_out_and_told(tmp_path, separator, cut)
     assert recording.notes == ("the last line, 101, ends before its row does: left out",)
 
 
+def test_a_last_row_whose_optional_column_is_empty_is_a_row(tmp_path):
+    lines = [f"{line} start" for line in lines_of(" ")]
+    lines[60:] = [line.removesuffix(" start") for line in lines[60:]]
+    lines[0] = lines[0].replace("start", "0")
+    header = " ".join("tqu") + " mark"
+    (tmp_path / "a.csv").write_text("\n".join([header, *with_text(lines)]) + "\n")
+    (tmp_path / "d.yaml").write_text(f"file: a.csv\ntime: {{column: t}}\n{AXES}")
+    recording = read_recording(tmp_path / "d.yaml")
+    np.testing.assert_allclose(recording.axes["b"].command, [row[2] for row in ROWS])
+    assert not any("the last line" in note for note in recording.notes)
+
+
+@pytest.mark.parametrize("day", ["2025-01-01 ", ""])
+@pytest.mark.parametrize("cut", ["10:00:00.990", "10:00:00.990,0.6"])
+def test_a_last_line_that_was_cut_behind_a_date_or_time_is_left_out(tmp_path, day, cut):
+    lines = [f"{day}10:00:{t:06.3f},{q},{u}" for t, q, u in ROWS]
+    lines[-1] = day + cut
+    recording = read(tmp_path, lines)
+    np.testing.assert_allclose(recording.axes["b"].command, [row[2] for row in ROWS[:-1]])
+    assert "the last line, 101, ends before its row does: left out" in recording.notes
+
+
 def test_a_damaged_row_behind_blank_lines_is_told_by_its_line(tmp_path):
     lines = lines_of(",")
     lines[80] = "0.1,0.2,0.3"
