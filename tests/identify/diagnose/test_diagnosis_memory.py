@@ -1,4 +1,4 @@
-"""What a diagnosis needs of memory grows with the motion, not with all that is tried on it."""
+"""What a diagnosis needs: memory grows with the motion, not with all that is tried on it."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from fit_plant import C1
 from other_plant import OtherPlant
+from threadpoolctl import threadpool_info, threadpool_limits
 
 from motorctl.errors import DataError
 from motorctl.identify.columns import measured
@@ -102,3 +103,25 @@ def test_it_is_given_back_after_each_axis_whatever_became_of_it(monkeypatch):
             Recording("still", 1000.0, np.arange(1000) / 1000.0, axes), dict.fromkeys("xy", C1)
         )
     assert len(given) == 2
+
+
+def test_matrices_are_multiplied_in_one_thread_whatever_the_computer_has(monkeypatch):
+    def threads() -> set[int]:
+        return {pool["num_threads"] for pool in threadpool_info() if pool["user_api"] == "blas"}
+
+    seen: list[set[int]] = []
+
+    def looked(*_: object) -> None:
+        seen.append(threads())
+        raise DataError("seen")
+
+    monkeypatch.setattr(recording, "diagnose_axis", looked)
+    still = np.zeros(1000)
+    one = Recording(
+        "still", 1000.0, np.arange(1000) / 1000.0, {"x": AxisRecording("x", still, still)}
+    )
+    with threadpool_limits(2, "blas"):
+        with pytest.raises(DataError, match="seen"):
+            recording.diagnose_recording(one, {"x": C1})
+        assert seen == [{1}]
+        assert threads() == {2}
