@@ -21,7 +21,7 @@ from motorctl.api.recordings import open_for_diagnosis
 from motorctl.errors import DataError
 from motorctl.fleet import job
 from motorctl.fleet.findings import Refusal
-from motorctl.identify.diagnose.read_stretches import CLEAREST, MOST_LEFT
+from motorctl.identify.diagnose.read_stretches import CLEAREST, MOST_LEFT, NOTHING_CLEAR
 from motorctl.identify.diagnose.report.terminal import print_diagnosis
 from motorctl.identify.diagnose.result import RecordingDiagnosis
 from motorctl.log.columns import METADATA_KEY
@@ -250,6 +250,23 @@ def test_motion_that_tells_nothing_is_refused_for_the_usual_reason(
     with pytest.raises(DataError, match=why) as refused:
         motorctl.diagnose(log, model="C1")
     assert "no motion" not in str(refused.value)
+
+
+@pytest.mark.usefixtures("few_rows")
+def test_rows_that_tell_nothing_are_not_said_to_tell_most(moving: Path, tmp_path: Path) -> None:
+    log = long_of(moving, tmp_path / "log.parquet", "-xx")
+    rng = np.random.default_rng(2)
+    told = chosen(with_command(log, lambda command: rng.standard_normal(len(command))))["x"]
+    assert told is not None
+    assert 0 < told.read.rows <= MOST
+    assert told.read.candidates == 0
+    assert all(begin >= PLAY_S for begin, _ in stretches(told))
+    assert {each.why for each in told.read.stretches} == {NOTHING_CLEAR}
+    assert "no stretch of it is one with enough motion" in told.read.sentence
+    _, long = open_for_diagnosis(log)
+    assert long is not None
+    with pytest.raises(DataError, match="no motion in its 90000 rows tells a parameter"):
+        read_to_evaluate(long, {"x": C1})
 
 
 @pytest.mark.usefixtures("few_rows")
