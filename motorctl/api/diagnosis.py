@@ -35,8 +35,9 @@ def diagnose(
     A recording of any other machine is described by a YAML file that names its columns and units;
     its path is then the recording.
 
-    Of a long log, seven minutes at 5 kHz or more, no more is read than the stretches that tell most
-    of each axis' declared parameters; `axes[...].read` tells which.
+    Of a long log, seven minutes at 5 kHz or more, no more is read of each axis than stretches in
+    which the declared model leaves most, and others that tell most of its parameters;
+    `axes[...].read` tells which. The verdict speaks of these.
 
     Parameters
     ----------

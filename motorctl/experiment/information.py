@@ -49,6 +49,12 @@ class Products:
         return max(float(self.gram[-1, -1] - g @ inverse @ g), 0.0)
 
     @property
+    def best(self) -> Array:
+        """The parameters that leave least, (n,)."""
+        scale, inverse = self._inverse()
+        return np.asarray(inverse @ (self.gram[:-1, -1] / scale) / scale)
+
+    @property
     def errors(self) -> Array:
         """Standard errors of all parameters, for noise of variance one, (n,)."""
         scale, inverse = self._inverse()

@@ -4,19 +4,16 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
-
-import numpy as np
+from dataclasses import replace
 
 from motorctl.errors import DataError
 from motorctl.identify.columns.measured import counterpart
-from motorctl.identify.diagnose.read_stretches import ReadStretches, Stretch
 from motorctl.identify.diagnose.recording import diagnose_recording
 from motorctl.identify.diagnose.result import AxisDiagnosis, RecordingDiagnosis
 from motorctl.log import Recording
-from motorctl.long_logs.excitation import Excitation
+from motorctl.long_logs.clearest import clearest_of
 from motorctl.long_logs.long_log import LongLog
-from motorctl.long_logs.windows import MOST_ROWS, Window, clearest_within, windows_of
+from motorctl.long_logs.windows import MOST_ROWS
 from motorctl.model import Effect, EffectList
 
 Progress = Callable[[str, float], None]
@@ -25,61 +22,19 @@ SCANNING = 0.5
 alone."""
 
 
-@dataclass(frozen=True)
-class Clearest:
-    """What is read of an axis: windows by part, and what is told of them."""
-
-    groups: Mapping[int, Sequence[int]]
-    read: ReadStretches
-
-
-def clearest_of(
-    log: LongLog,
-    models: Mapping[str, EffectList],
-    most_rows: int,
-    progress: Progress | None = None,
-) -> dict[str, Clearest | None]:
-    """Scan a long log, and choose of each axis the windows whose motion tells most.
-
-    Parameters
-    ----------
-    log
-        What is scanned.
-    models
-        What is declared of each axis that is asked for.
-    most_rows
-        Of an axis.
-    progress
-        Told the share of rows that was scanned.
-
-    Returns
-    -------
-    dict
-        By axis; None where it never moved enough to tell a parameter.
-    """
-    told: dict[str, list[list[Excitation | None]]] = {
-        axis: [[] for _ in log.parts] for axis in models
-    }
-    done = 0
-    for part, group, found in log.scanned(list(models), lambda _: models):
-        for axis, excitation in found.items():
-            told[axis][part].append(excitation)
-        done += log.parts[part].group_rows[group]
-        if progress is not None:
-            progress(f"scanning {log.source}", done / log.rows)
-    return {axis: _chosen(log, axis, models[axis], told[axis], most_rows) for axis in models}
-
-
 def read_to_evaluate(log: LongLog, models: Mapping[str, EffectList]) -> tuple[Recording, str]:
     """Return what tells most of the axes in a long log, to measure errors on, and say so.
 
+    Chosen by motion alone: errors of where the model leaves most would be those of no usual day.
     Raises DataError where none of them moved enough.
     """
     own = {counterpart(log.head, axis): model for axis, model in models.items()}
     groups: dict[int, set[int]] = defaultdict(set)
-    for clearest in clearest_of(log, own, MOST_ROWS // len(own)).values():
-        for k, chosen in (clearest.groups if clearest else {}).items():
-            groups[k] |= set(chosen)
+    most_rows = MOST_ROWS // len(own)
+    for clearest in clearest_of(log, own, most_rows, by_motion_alone=True).values():
+        if clearest is not None and clearest.read.candidates:
+            for k, chosen in clearest.groups.items():
+                groups[k] |= set(chosen)
     if not groups:
         raise DataError(f"{log.source}: no motion in its {log.rows} rows tells a parameter")
     read = log.read({k: sorted(chosen) for k, chosen in groups.items()})
@@ -139,7 +94,7 @@ def diagnose_long(
 
         if clearest is None:
             refused[axis] = (
-                f"{log.source}: axis {axis}: no motion in its {log.rows} rows tells a parameter: "
+                f"{log.source}: axis {axis}: no motion in its {log.rows} rows: "
                 "record a motion, or check which column is the position"
             )
             continue
@@ -154,46 +109,14 @@ def diagnose_long(
             refused[axis] = str(error)
             continue
         notes |= dict.fromkeys(recording.notes)
-        axes[axis] = replace(found.axes[axis], read=clearest.read)
+        axes[axis] = replace(
+            found.axes[axis],
+            read=clearest.read,
+            notes=(*found.axes[axis].notes, *clearest.notes),
+        )
     if not axes:
         raise DataError("\n".join(refused.values()))
     if progress is not None:
         progress("done", 1.0)
     rate_hz = log.head.sample_rate_hz
     return RecordingDiagnosis(log.source, rate_hz, log.rows / rate_hz, axes, refused, tuple(notes))
-
-
-def _chosen(
-    log: LongLog,
-    axis: str,
-    model: EffectList,
-    told: Sequence[Sequence[Excitation | None]],
-    most_rows: int,
-) -> Clearest | None:
-    windows: list[tuple[int, Window]] = []
-    period_s = log.head.period_s
-    for k, part in enumerate(log.parts):
-        found = windows_of(axis, part.group_rows, told[k], period_s, len(windows))
-        windows += [(k, window) for window in found]
-    if not windows:
-        return None
-    taken = clearest_within([window for _, window in windows], most_rows)
-    groups: dict[int, list[int]] = defaultdict(list)
-    stretches = []
-    for window in taken:
-        k, _ = windows[window.number]
-        groups[k] += window.groups
-        stretches.append(_stretch(log, k, window, model))
-    return Clearest(groups, ReadStretches(tuple(stretches), log.rows, len(windows)))
-
-
-def _stretch(log: LongLog, k: int, window: Window, model: EffectList) -> Stretch:
-    part, worst = log.parts[k], int(np.argmax(window.vagueness))
-    return Stretch(
-        log=str(part.path),
-        begin_s=float(part.begins_s[window.groups[0]]),
-        end_s=float(part.ends_s[window.groups[-1]]),
-        rows=window.rows,
-        vaguest=model.parameter_names[worst],
-        vagueness=window.vagueness[worst],
-    )

@@ -30,7 +30,24 @@ def times_of(source: str, pieces: ParquetPieces) -> tuple[NDArray[np.float64], N
     return low, high
 
 
+def tells_times(pieces: ParquetPieces) -> bool:
+    """Return whether the times of all row groups stand in the footer."""
+    return bool(np.isfinite(pieces.extremes("time_s")).all())
+
+
 def moved_in(pieces: ParquetPieces, axis: str) -> tuple[bool, ...]:
     """Return in which row groups the position of an axis changed, or may have."""
     low, high = pieces.extremes(axis + POSITION)
     return tuple(bool(moved) for moved in ~(low == high))
+
+
+def furthest_in(pieces: ParquetPieces, axis: str, least_rows: int) -> int | None:
+    """Return in which row group, of so many rows at least, an axis went furthest.
+
+    None where the footer does not tell.
+    """
+    low, high = pieces.extremes(axis + POSITION)
+    rows = np.diff([*pieces.begins, pieces.rows])
+    went = np.where((rows >= least_rows) & np.isfinite(high - low), high - low, -np.inf)
+    k = int(np.argmax(went))
+    return k if went[k] > 0.0 else None

@@ -25,7 +25,7 @@ from motorctl.log.run_parts import open_recorded
 from motorctl.log.run_table import RunTable
 from motorctl.log.table_parquet import ParquetTable
 from motorctl.log.timebase import MINIMUM_ROWS
-from motorctl.long_logs.footer import POSITION, moved_in, times_of
+from motorctl.long_logs.footer import POSITION, moved_in, tells_times, times_of
 from motorctl.long_logs.scan import ModelsOf, Told, scanned
 
 LONG_ROWS = 1 << 21
@@ -129,7 +129,8 @@ def long_log(paths: Sequence[str | os.PathLike[str]], whole_run: bool = False) -
     """Return a recording as a long log; None where it is none, and is read as a whole.
 
     A long log is a Parquet file that motorctl wrote, or a run of such, of `LONG_ROWS` rows or more
-    in row groups. Raises DataError as `open_recorded`, and where the footers do not fit together.
+    in row groups whose times its footer knows. Raises DataError as `open_recorded`, and where the
+    footers do not fit together.
     """
     if any(Path(path).suffix.lower() in _DESCRIPTIONS or _is_other(Path(path)) for path in paths):
         return None
@@ -139,8 +140,19 @@ def long_log(paths: Sequence[str | os.PathLike[str]], whole_run: bool = False) -
     if not isinstance(table.metadata.get("config"), Mapping) or "time_s" not in table.names:
         return None
     logs = table.parts if isinstance(table, RunTable) else [table]
-    parts = tuple(_part(log.path) for log in logs)
-    return LongLog(table, parts) if any(len(part.group_rows) > 1 for part in parts) else None
+    if not _in_pieces([log.path for log in logs]):
+        return None
+    return LongLog(table, tuple(_part(log.path) for log in logs))
+
+
+def _in_pieces(paths: Sequence[Path]) -> bool:
+    """Tell whether a log has more than one row group, and the footers know the times of all."""
+    counts, told = [], True
+    for path in paths:
+        with OpenedParquet(path) as file:
+            counts.append(len(file.group_rows))
+            told = told and counts[-1] > 0 and tells_times(ParquetPieces(path, file))
+    return max(counts) > 1 and told
 
 
 def _is_other(path: Path) -> bool:

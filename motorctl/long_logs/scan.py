@@ -8,10 +8,12 @@ from motorctl.identify.columns.measured import SIGNALS, with_others
 from motorctl.identify.fit.settings import FitOptions
 from motorctl.log import Recording
 from motorctl.log.opened_parquet import OpenedParquet
+from motorctl.log.parquet_pieces import ParquetPieces
 from motorctl.log.read import recording_of
 from motorctl.log.row_groups import RowGroupTable
 from motorctl.log.timebase import MINIMUM_ROWS
 from motorctl.long_logs.excitation import Excitation, excitation_of
+from motorctl.long_logs.footer import furthest_in
 from motorctl.model import EffectList
 
 ModelsOf = Callable[[Recording], Mapping[str, EffectList]]
@@ -29,7 +31,8 @@ def scanned(
     """Yield what the motion in each of some row groups tells, of each axis.
 
     They are read one by one; those in which the file itself says that an axis did not move are not
-    read for it, nor those of fewer rows than a recording needs.
+    read for it, nor those of fewer rows than a recording needs. The choices of a fit, as its band,
+    are those of the row group in which the axis went furthest: rest says nothing of them.
 
     Parameters
     ----------
@@ -47,16 +50,25 @@ def scanned(
     DataError
         Where a row group cannot be read, or its rows are no recording.
     """
-    options: dict[str, FitOptions | None] = dict.fromkeys(moved)
+    options: dict[str, FitOptions | None] = {}
     models: Mapping[str, EffectList] | None = None
+    pieces = ParquetPieces(source, file)
     for k in groups:
         told: dict[str, Excitation | None] = dict.fromkeys(moved)
         moving = [axis for axis in moved if moved[axis][k]]
         if moving and file.group_rows[k] >= MINIMUM_ROWS:
-            recording = recording_of(RowGroupTable(source, file, [k]), "keep", SIGNALS)
+            recording = _read(source, file, k)
             if models is None:
                 models = models_of(recording)
             for axis in moving:
+                if axis not in options:
+                    furthest = furthest_in(pieces, axis, MINIMUM_ROWS)
+                    first = recording if furthest in (k, None) else _read(source, file, furthest)
+                    _, options[axis] = excitation_of(with_others(first, axis), models[axis], None)
                 data = with_others(recording, axis)
                 told[axis], options[axis] = excitation_of(data, models[axis], options[axis])
         yield told
+
+
+def _read(source: str, file: OpenedParquet, group: int) -> Recording:
+    return recording_of(RowGroupTable(source, file, [group]), "keep", SIGNALS)

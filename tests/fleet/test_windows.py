@@ -18,6 +18,7 @@ from motorctl import fit
 from motorctl.experiment.information import Products
 from motorctl.fleet import job
 from motorctl.fleet.findings import Refusal
+from motorctl.long_logs.choice import clearest_within, most_left_and_clearest
 from motorctl.long_logs.excitation import Excitation
 from motorctl.long_logs.windows import LONGEST_SPAN_S, MOST_ROWS, clearest, windows_of
 
@@ -25,11 +26,11 @@ PERIOD_S = 1.0 / 5000.0
 GROUP = 1 << 16
 
 
-def piece(seed: int, rows: int = 3000, size: float = 1.0) -> Excitation:
+def piece(seed: int, rows: int = 3000, size: float = 1.0, noise: float = 0.1) -> Excitation:
     """Return what motion tells that excites two parameters, under noise a tenth of the command."""
     rng = np.random.default_rng(seed)
     psi = size * rng.standard_normal((rows, 2))
-    command = psi @ [1.0, 0.5] + 0.1 * size * rng.standard_normal(rows)
+    command = psi @ [1.0, 0.5] + noise * size * rng.standard_normal(rows)
     columns = np.column_stack([psi, command])
     return Excitation(Products(columns.T @ columns, rows, ()), 0.004)
 
@@ -76,6 +77,47 @@ def test_the_clearest_windows_are_diagnosed() -> None:
     windows = windows_of("x", [GROUP] * 3, told, PERIOD_S)
     assert clearest(windows, 2) == {1, 2}
     assert clearest(windows, 0) == set()
+
+
+def test_a_window_in_which_the_model_lacks_something_is_as_clear_as_one_in_which_it_does_not() -> (
+    None
+):
+    told = [piece(0), piece(1), piece(2, noise=1.0), piece(3)]
+    windows = windows_of("x", [GROUP] * 4, told, PERIOD_S)
+    assert [window.groups for window in windows] == [(0,), (1,), (2,), (3,)]
+    clear = [window.clearness for window in windows]
+    assert max(clear) - min(clear) < 0.5
+    assert max(windows, key=lambda window: window.left_rms).groups == (2,)
+
+
+def test_of_windows_that_tell_alike_the_next_is_the_furthest_from_those_taken() -> None:
+    windows = windows_of("x", [GROUP] * 9, [piece(k) for k in range(9)], PERIOD_S)
+    taken = clearest_within(windows, 2 * GROUP, already=[windows[4]])
+    assert {window.number for window in taken} == {0, 8}
+
+
+def test_a_window_that_is_larger_than_its_share_is_read_where_much_more_is_left_in_it() -> None:
+    told = [piece(k) for k in range(4)]
+    told[2] = piece(2, noise=1.0)
+    windows = windows_of("x", [GROUP] * 4, told, PERIOD_S)
+    reserved, others = most_left_and_clearest(windows, 2 * GROUP)
+    assert [window.number for window in reserved] == [2]
+    assert len(others) == 1
+
+
+@given(st.lists(st.sampled_from([300, 1000, 3000]), min_size=1, max_size=20), st.integers(1, 12))
+def test_no_more_rows_are_read_than_are_asked_for_and_no_window_twice(
+    rows: list[int], groups: int
+) -> None:
+    told = [piece(k, count) for k, count in enumerate(rows)]
+    windows = windows_of("x", [GROUP] * len(told), told, PERIOD_S)
+    if not windows:
+        return
+    reserved, others = most_left_and_clearest(windows, groups * GROUP)
+    numbers = [window.number for window in (*reserved, *others)]
+    assert numbers
+    assert len(set(numbers)) == len(numbers)
+    assert len(numbers) == 1 or sum(w.rows for w in (*reserved, *others)) <= groups * GROUP
 
 
 @pytest.fixture(scope="module")

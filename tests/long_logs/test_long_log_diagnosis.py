@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import io
 import json
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
@@ -21,11 +21,13 @@ from motorctl.api.recordings import open_for_diagnosis
 from motorctl.errors import DataError
 from motorctl.fleet import job
 from motorctl.fleet.findings import Refusal
+from motorctl.identify.diagnose.read_stretches import CLEAREST, MOST_LEFT, NOTHING_CLEAR
 from motorctl.identify.diagnose.report.terminal import print_diagnosis
 from motorctl.identify.diagnose.result import RecordingDiagnosis
 from motorctl.log.columns import METADATA_KEY
 from motorctl.long_logs import diagnosis, long_log
-from motorctl.long_logs.diagnosis import Clearest, clearest_of
+from motorctl.long_logs.clearest import Clearest, clearest_of
+from motorctl.long_logs.diagnosis import read_to_evaluate
 from motorctl.long_logs.long_log import LONG_ROWS
 
 GROUP = 5_000
@@ -105,19 +107,166 @@ def test_those_whose_motion_tells_most_are_chosen(moving: Path, tmp_path: Path) 
         if name.startswith("x."):
             place = weak.schema.get_field_index(name)
             weak = weak.set_column(place, name, pa.array(0.03 * weak.column(name).to_numpy()))
-    noise = np.random.default_rng(1).normal(0.0, 0.1, len(weak))
-    command = weak.column("x.command_v").to_numpy() + noise
-    weak = weak.set_column(
-        weak.schema.get_field_index("x.command_v"), "x.command_v", pa.array(command)
-    )
     both = pa.concat_tables([weak, pq.read_table(moving), weak])
     ticks = np.arange(len(both))
     for name, values in (("tick", ticks), ("time_s", ticks / RATE_HZ)):
         both = both.set_column(both.schema.get_field_index(name), name, pa.array(values))
     log = tmp_path / "log.parquet"
     pq.write_table(both, log, row_group_size=GROUP)
-    for begin, end in stretches(chosen(log)["x"]):
-        assert PLAY_S <= begin < end <= 2 * PLAY_S
+    told = chosen(log)["x"]
+    assert told is not None
+    clear = [each for each in told.read.stretches if each.why == CLEAREST]
+    assert clear
+    for each in clear:
+        assert each.begin_s < 2 * PLAY_S
+        assert each.end_s > PLAY_S
+
+
+def with_command(log: Path, command_v: Callable[[np.ndarray], np.ndarray]) -> Path:
+    table = pq.read_table(log)
+    command = command_v(table.column("x.command_v").to_numpy())
+    at = table.schema.get_field_index("x.command_v")
+    pq.write_table(
+        table.set_column(at, "x.command_v", pa.array(command)), log, row_group_size=GROUP
+    )
+    return log
+
+
+def broken_from(log: Path, begin_s: float, end_s: float = np.inf, force_v: float = 1.0) -> Path:
+    """Let a force that no model of the log has act on x in a part of it; its loop withstands it."""
+    table = pq.read_table(log)
+    time_s = table.column("time_s").to_numpy()
+    wave = force_v * np.sin(2.0 * np.pi * table.column("x.position_m").to_numpy() / 0.04)
+    acts = (time_s >= begin_s) & (time_s < end_s)
+    return with_command(log, lambda command: command + np.where(acts, wave, 0.0))
+
+
+@pytest.mark.usefixtures("few_rows")
+def test_where_the_declared_model_leaves_most_is_read_and_says_so(
+    moving: Path, tmp_path: Path
+) -> None:
+    log = broken_from(long_of(moving, tmp_path / "log.parquet", "xxxxx"), 18.0, 19.0)
+    told = chosen(log)["x"]
+    assert told is not None
+    (worst,) = (each for each in told.read.stretches if each.why == MOST_LEFT)
+    assert (worst.begin_s, worst.rows) == (18.0, GROUP)
+    others = [each for each in told.read.stretches if each.why == CLEAREST]
+    assert others
+    assert worst.left_rms is not None
+    assert all(each.left_rms is not None and each.left_rms < worst.left_rms for each in others)
+    assert "1 in which the declared model leaves most" in told.read.sentence
+    assert told.read.unread is None
+
+
+@pytest.mark.usefixtures("few_rows")
+def test_what_tells_alike_is_read_from_all_of_its_time(moving: Path, tmp_path: Path) -> None:
+    log = long_of(moving, tmp_path / "log.parquet", "xxxxxxxxxx")
+    _, long = open_for_diagnosis(log)
+    assert long is not None
+    told = clearest_of(long, {"x": C1}, MOST, by_motion_alone=True)["x"]
+    begins = [begin for begin, _ in stretches(told)]
+    assert len(begins) == MOST // GROUP
+    assert np.histogram(begins, 3, (0.0, 10 * PLAY_S))[0].min() >= 1
+
+
+@pytest.mark.usefixtures("few_rows")
+def test_errors_are_measured_on_what_motion_alone_tells_of(moving: Path, tmp_path: Path) -> None:
+    sound = long_of(moving, tmp_path / "sound.parquet", "xxxxx")
+    broken = broken_from(long_of(moving, tmp_path / "broken.parquet", "xxxxx"), 18.0, 19.0)
+    read = []
+    for log in (sound, broken):
+        _, long = open_for_diagnosis(log)
+        assert long is not None
+        read.append(read_to_evaluate(long, {"x": C1})[0].time_s)
+    assert 18.0 not in read[0]
+    assert 18.0 not in read[1]
+
+
+@pytest.mark.usefixtures("few_rows")
+def test_much_that_is_left_where_nothing_was_read_is_told(moving: Path, tmp_path: Path) -> None:
+    log = broken_from(long_of(moving, tmp_path / "log.parquet", "xxxxx"), 18.0, 19.0)
+    _, long = open_for_diagnosis(log)
+    assert long is not None
+    told = clearest_of(long, {"x": C1}, MOST, by_motion_alone=True)["x"]
+    assert told is not None
+    assert told.read.unread is not None
+    assert "5000 rows" in told.read.unread
+    assert "from 18.0 s to 19.0 s" in told.read.unread
+    assert told.notes == (told.read.unread,)
+
+
+@pytest.mark.usefixtures("few_rows")
+def test_a_log_that_begins_at_rest_is_scanned_in_the_band_of_its_motion(
+    moving: Path, tmp_path: Path
+) -> None:
+    told = []
+    for awake in ("xx", "-xx"):
+        path = long_of(moving, tmp_path / f"{awake}.parquet", awake)
+        table = pq.read_table(path)
+        place, time_s = table.column("x.position_m").to_numpy(), table.column("time_s").to_numpy()
+        shaken = 20e-6 * np.sin(2.0 * np.pi * 30.0 * time_s)  # by what runs beside it
+        stands = np.repeat([letter == "-" for letter in awake], round(PLAY_S * RATE_HZ))
+        at = table.schema.get_field_index("x.position_m")
+        shaken_place = pa.array(np.where(stands, place + shaken, place))
+        pq.write_table(
+            table.set_column(at, "x.position_m", shaken_place), path, row_group_size=GROUP
+        )
+        _, log = open_for_diagnosis(path)
+        assert log is not None
+        of_groups = [found["x"] for _, _, found in log.scanned(["x"], lambda _: {"x": C1})]
+        told.append([each.products.rows for each in of_groups[-12:] if each is not None])
+    assert told[0] == told[1]
+
+
+@pytest.mark.usefixtures("few_rows")
+def test_a_footer_that_does_not_tell_times_is_no_reason_to_refuse_a_log(
+    moving: Path, tmp_path: Path
+) -> None:
+    log = long_of(moving, tmp_path / "log.parquet", "xxx")
+    table = pq.read_table(log)
+    pq.write_table(table, log, row_group_size=GROUP, write_statistics=False)
+    read, long = open_for_diagnosis(log)
+    assert long is None
+    assert len(read.time_s) == len(table)
+
+
+@pytest.mark.usefixtures("few_rows")
+def test_a_log_of_one_row_group_is_read_as_a_whole_whatever_its_footer(
+    moving: Path, tmp_path: Path
+) -> None:
+    log = long_of(moving, tmp_path / "log.parquet", "xxx")
+    pq.write_table(pq.read_table(log), log, row_group_size=1 << 20, write_statistics=False)
+    assert open_for_diagnosis(log)[1] is None
+
+
+@pytest.mark.usefixtures("few_rows")
+@pytest.mark.parametrize(("size_v", "why"), [(8.0, "limits.max_voltage_v"), (0.5, "explains")])
+def test_motion_that_tells_nothing_is_refused_for_the_usual_reason(
+    moving: Path, tmp_path: Path, size_v: float, why: str
+) -> None:
+    log = long_of(moving, tmp_path / "log.parquet", "xxx")
+    rng = np.random.default_rng(2)
+    log = with_command(log, lambda command: size_v * rng.standard_normal(len(command)))
+    with pytest.raises(DataError, match=why) as refused:
+        motorctl.diagnose(log, model="C1")
+    assert "no motion" not in str(refused.value)
+
+
+@pytest.mark.usefixtures("few_rows")
+def test_rows_that_tell_nothing_are_not_said_to_tell_most(moving: Path, tmp_path: Path) -> None:
+    log = long_of(moving, tmp_path / "log.parquet", "-xx")
+    rng = np.random.default_rng(2)
+    told = chosen(with_command(log, lambda command: rng.standard_normal(len(command))))["x"]
+    assert told is not None
+    assert 0 < told.read.rows <= MOST
+    assert told.read.candidates == 0
+    assert all(begin >= PLAY_S for begin, _ in stretches(told))
+    assert {each.why for each in told.read.stretches} == {NOTHING_CLEAR}
+    assert "no stretch of it is one with enough motion" in told.read.sentence
+    _, long = open_for_diagnosis(log)
+    assert long is not None
+    with pytest.raises(DataError, match="no motion in its 90000 rows tells a parameter"):
+        read_to_evaluate(long, {"x": C1})
 
 
 @pytest.mark.usefixtures("few_rows")
@@ -214,6 +363,18 @@ def test_each_axis_is_diagnosed_on_its_own_stretches(diagnosed: RecordingDiagnos
         parameters = dict(zip(found.declared.parameter_names, found.declared_theta, strict=True))
         assert parameters["inertia"] == pytest.approx(X_THETA[0], rel=0.02)
     assert any("errors were measured on" in note for note in diagnosed.notes)
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("few_rows")
+def test_a_log_in_which_something_breaks_is_not_called_complete(
+    moving: Path, tmp_path: Path
+) -> None:
+    log = broken_from(long_of(moving, tmp_path / "log.parquet", "x" * 10), 6 * PLAY_S, force_v=0.3)
+    found = motorctl.diagnose(log, model="C1").axes["x"]
+    assert found.read is not None
+    assert any(each.begin_s >= 6 * PLAY_S for each in found.read.stretches)
+    assert found.verdict in ("effect", "unknown_structure")
 
 
 @pytest.mark.slow

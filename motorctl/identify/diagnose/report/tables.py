@@ -59,13 +59,16 @@ def stretch_rows(axis: AxisDiagnosis) -> tuple[tuple[str, ...], Rows]:
         return (), []
     stretches = axis.read.stretches
     several = len({stretch.log for stretch in stretches}) > 1
-    headings = ("from", "to", "rows", "told least")
+    headings = ("from", "to", "rows", "read, as", "told least")
     rows: Rows = [
         (
             f"{stretch.begin_s:.1f} s",
             f"{stretch.end_s:.1f} s",
             str(stretch.rows),
-            f"{stretch.vaguest}, to {100.0 * stretch.vagueness:.2g} % of the command",
+            stretch.why,
+            f"{stretch.vaguest}, to {100.0 * stretch.vagueness:.2g} % of the command"
+            if math.isfinite(stretch.vagueness)
+            else "nothing is told",
             *((Path(stretch.log).name,) if several else ()),
         )
         for stretch in stretches
