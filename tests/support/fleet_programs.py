@@ -68,15 +68,18 @@ def ringing(ends: Sequence[tuple[int, float]], hz: float, size_v: float, for_s: 
     return force
 
 
-def recorded(path: Path, goal: Array, force_v: Array | float = 0.0) -> Seen:
+def recorded(
+    path: Path, goal: Array, force_v: Array | float = 0.0, finer_encoder: float = 1.0
+) -> Seen:
     """Write a log of a sound machine on which a further force acts, with noise of its own."""
     rng = np.random.default_rng(list(path.name.encode()))
     count = goal.shape[1]
     gain = FORCE_NOISE_V * np.sqrt(1.0 - NOISE_POLE**2)
     noise = lfilter([gain], [1.0, -NOISE_POLE], rng.standard_normal(count))
-    seen = SEEN_NOISE_M * rng.standard_normal(count)
+    seen = SEEN_NOISE_M / finer_encoder * rng.standard_normal(count)
     axis = SOUND_MACHINE.axis
-    position, command, _ = closed_loop(goal, noise + force_v, seen, axis, axis, DRIVE)
+    drive = DRIVE._replace(resolution_m=DRIVE.resolution_m / finer_encoder)
+    position, command, _ = closed_loop(goal, noise + force_v, seen, axis, axis, drive)
     run = Run(np.arange(count) / RATE_HZ, position, command, goal[0], goal[1], 0.0)
     write_log(path, SOUND_MACHINE, 0.0, run)
     return Seen(str(path), identity_of(str(path)))
