@@ -119,6 +119,7 @@ def test_a_log_that_is_not_there_leaves_the_others(
         what_grew([sound], [gone], "x")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("moving", [False, True], ids=["rest", "more than a window"])
 def test_rest_in_a_window_is_not_read_nor_more_than_a_window_has(
     sound: Seen, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, moving: bool
