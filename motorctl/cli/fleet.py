@@ -43,7 +43,8 @@ ReadLogs = Annotated[
     bool,
     typer.Option(
         "--logs/--no-logs",
-        help="Read logs before and after again, where the fit leaves more, to name what grew.",
+        help="Read logs before and after again, where the fit leaves more, to name what grew: "
+        "seconds to minutes each, of the first 20 at most.",
     ),
 ]
 AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON document.")]
@@ -141,14 +142,15 @@ def _changes(
     false_alarms: FalseAlarms = 1.0,
     looks_a_day: LooksADay = 1.0,
     covariates: CovariatesFile = None,
-    read_logs: ReadLogs = True,
+    read_logs: ReadLogs = False,
     as_json: AsJson = False,
 ) -> None:
     """Tell which parameters of which machines changed, since when, and what to look at first."""
     require("motorctl fleet", "fleet", *NEEDED)
+    from motorctl.cli.progress import showing_stages
     from motorctl.fleet.changes import changes_in
     from motorctl.fleet.covariates import read_covariates
-    from motorctl.fleet.grown import named
+    from motorctl.fleet.grown import names_of
     from motorctl.fleet.store import open_store
 
     found = changes_in(
@@ -157,7 +159,8 @@ def _changes(
         looks_a_day=looks_a_day,
         covariates=read_covariates(covariates) if covariates else None,
     )
-    told = {k: name for k, alarm in enumerate(found.alarms) if read_logs and (name := named(alarm))}
+    with showing_stages(lines=True) as progress:
+        told = names_of(found.alarms, progress) if read_logs else {}
     if as_json:
         document = found.to_dict()
         for k, name in told.items():
@@ -191,7 +194,7 @@ def _report(
     false_alarms: FalseAlarms = 1.0,
     looks_a_day: LooksADay = 1.0,
     covariates: CovariatesFile = None,
-    read_logs: ReadLogs = True,
+    read_logs: ReadLogs = False,
     scope_port: Annotated[
         int,
         typer.Option(
@@ -201,19 +204,21 @@ def _report(
 ) -> None:
     """Write the fleet as one page: what to look at first, every machine, links into the logs."""
     require("motorctl fleet", "fleet", *NEEDED)
+    from motorctl.cli.progress import showing_stages
     from motorctl.fleet.covariates import read_covariates
     from motorctl.fleet.report import write_fleet_page
     from motorctl.fleet.store import open_store
 
-    found = write_fleet_page(
-        open_store(store),
-        out,
-        false_alarms_a_year=false_alarms,
-        looks_a_day=looks_a_day,
-        covariates=read_covariates(covariates) if covariates else None,
-        scope_port=scope_port,
-        read_logs=read_logs,
-    )
+    with showing_stages(lines=True) as progress:
+        found = write_fleet_page(
+            open_store(store),
+            out,
+            false_alarms_a_year=false_alarms,
+            looks_a_day=looks_a_day,
+            covariates=read_covariates(covariates) if covariates else None,
+            scope_port=scope_port,
+            read_logs=progress if read_logs else None,
+        )
     say(f"{out}: {_judged(found)}")
 
 

@@ -8,34 +8,23 @@ one program all of that is the same, and what is left is the change.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
-from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from motorctl.errors import DataError, MotorctlError
 from motorctl.fleet.changes import Alarm
 from motorctl.fleet.findings import RESIDUAL
-from motorctl.fleet.head import Declared, identity_of
-from motorctl.fleet.paths import opened
+from motorctl.fleet.head import Declared
+from motorctl.fleet.leftovers import PADDED, Leftovers
+from motorctl.fleet.read_again import left_before_and_after
 from motorctl.fleet.series import Seen
-from motorctl.identify.columns.command_timing import CommandPath
-from motorctl.identify.columns.filters import acceleration_of, velocity_of
-from motorctl.identify.columns.measured import SIGNALS, with_others
-from motorctl.identify.fit.declared_models import declared_models
-from motorctl.identify.fit.recording import fit_axis
-from motorctl.identify.fit.result import AxisFit
-from motorctl.identify.fit.settings import FitOptions
-from motorctl.log.parquet_pieces import ParquetPieces
-from motorctl.log.read import recording_of
-from motorctl.log.row_groups import RowGroupTable
-from motorctl.long_logs.footer import times_of
 from motorctl.model import Effect, known_effects
 
-Array = NDArray[np.float64]
+Progress = Callable[[str, float], None]
+"""Told what is being done, and the share of it that is, 0 to 1."""
 
 LOGS = 3
 """Logs that are read before the change, and after it. More tells smaller changes and takes time,
@@ -46,14 +35,14 @@ FEWEST_WAVES = 3.5
 """Waves over the way, at least. Fewer takes slow curves for waves, more misses long ones. Chosen by
 hand, as for the waves that a diagnosis seeks."""
 SLOW_PERCENTILE = 10.0
-"""Of the speeds: what at that speed is beyond the fit's band is not sought. Larger looks for fewer
-short waves, smaller for ones of which hardly a row tells. Chosen by hand."""
+"""Of the speeds of rows that move: what at that speed is beyond the fit's band is not sought.
+Larger looks for fewer short waves, smaller for ones of which hardly a row tells. Chosen by hand."""
+MOST_PLACES = 1 << 20
+"""Where the residual is sorted by place, at most: waves that are too short for it are not sought.
+More takes memory, fewer leaves out short waves. Chosen by hand: waves of 8 um over a metre."""
 PLACES_A_WAVE = 8
 """Places that a wave is told by at least, where the residual is sorted by place. More takes time,
 fewer blurs short waves. Chosen by hand: of eight, the strongest is told to 97 %."""
-PADDED = 4
-"""Lines of the spectrum for each that the way tells apart. More takes time, fewer misses what lies
-between two. Chosen by hand."""
 STANDS_OUT = 15.0
 """Times the spectrum's median that a line must have grown by. Larger misses small changes, smaller
 tries lines of chance, which do not explain what grew. Arithmetic: of a thousand lines of noise the
@@ -61,9 +50,6 @@ strongest is ten medians."""
 LINES = 3
 """Lines that are tried. More takes time, fewer misses a change whose second order is its strongest.
 Chosen by hand."""
-ORDERS = (1, 2)
-"""Of each wave, as encoders and magnets show them. More takes up chance, fewer leaves a part of a
-short push. Chosen by hand."""
 PASSES, STEPS = 2, 9
 """Refinements of a line, and wave numbers tried in each. More takes time, fewer leaves the pitch
 vague. Chosen by hand."""
@@ -71,6 +57,18 @@ BEYOND_CHANCE = 0.06
 """Share of all that the fit leaves which a wave must take away to be named. Larger misses small
 changes, smaller takes chance for a wave. Chosen on simulated machines: in what three logs of four
 seconds leave, without a wave, the best one takes away 3 %."""
+AS_MUCH = 0.95
+"""Share of what a wave takes away that one of half its pitch must take away to be named instead: a
+wave of twice the pitch has the true one as its second order. Larger names twice the pitch where
+noise helps it, smaller loses a weak first order. Chosen by hand."""
+OTHER_SPEED = 1.3
+"""Times the speed that three quarters of a wave stay below, over that which one quarter does, at
+least: at one speed what follows time, as a load that rings after each ramp, looks like what follows
+the way. Larger names less, smaller takes the one for the other. Arithmetic: what follows time has
+another pitch by as much, and is out of step within one wave."""
+MOST_ALARMS = 20
+"""Whose logs are read. More takes time, fewer names less. Chosen by hand: minutes, at logs of
+seconds."""
 MOST_OF_IT = 0.5
 """Share of the growth that a wave must explain to be named. Larger keeps silent of waves that are
 no plain ones, smaller names what is the lesser part. Convention: the greater part."""
@@ -129,13 +127,10 @@ def what_grew(
     Raises
     ------
     DataError
-        Where a log is not where it was, or tells nothing.
+        Where a side has no log that can be read, the logs declare different models or programs,
+        the axis moved otherwise, or what grew shows at one speed alone.
     """
-    declared = declared or Declared()
-    first = _fitted(before[0], axis, declared)
-    alike = FitOptions(filter_hz=first.options.filter_hz)  # in one band
-    earlier = _Leftovers([first, *(_fitted(seen, axis, declared, alike) for seen in before[1:])])
-    later = _Leftovers([_fitted(seen, axis, declared, alike) for seen in after])
+    earlier, later = left_before_and_after(before, after, axis, declared or Declared())
     growth = later.mean_square - earlier.mean_square
     if growth <= 0.0:
         return None
@@ -153,7 +148,9 @@ def what_grew(
     explained = (gain - was) / growth
     if explained < MOST_OF_IT:
         return None
-    data = later.fits[0].data
+    if not _at_every_speed(later, cls, line):
+        return None
+    data = later.data
     return Grown(
         name=cls.name,
         pitch=1.0 / line,
@@ -178,103 +175,39 @@ def named(alarm: Alarm) -> Grown | str | None:
         found = what_grew(*alarm.around(LOGS), alarm.series.axis)
     except MotorctlError as error:
         return f"not named: {error}"
-    except OSError as error:
-        return f"not named: {alarm.log}: {error}"
     return found or f"no wave along the way explains it; look at it: motorctl diagnose {alarm.log}"
 
 
-class _Leftovers:
-    """What the declared model leaves of the command in some windows.
-
-    Parameters
-    ----------
-    fits
-        Of each window.
-    """
-
-    def __init__(self, fits: Sequence[AxisFit]) -> None:
-        self.fits = list(fits)
-        self.left: list[Array] = []
-        self._declared: list[Array] = []
-        for fit in fits:
-            psi, command = fit.columns.at(fit.delay_s)
-            size = np.linalg.norm(psi, axis=0)
-            basis = np.linalg.qr(psi / np.where(size > 0.0, size, 1.0))[0]
-            self._declared.append(basis)
-            self.left.append(command - basis @ (basis.T @ command))
-        self.rows = sum(map(len, self.left))
-        self.mean_square = sum(float(left @ left) for left in self.left) / self.rows
-
-    @cached_property
-    def motion(self) -> tuple[Array, Array]:
-        """Position and velocity at the rows, (m,) each."""
-        x, v = [], []
-        for fit in self.fits:
-            options = fit.columns.options
-            begin, end = options.discard_start or 0, options.discard_end or 0
-            own = [
-                np.column_stack([s.x, s.v])[begin : len(s.x) - end] for s in fit.columns.stretches
-            ]
-            place, speed = fit.columns.rows_of(own)
-            x.append(place)
-            v.append(speed)
-        return np.concatenate(x), np.concatenate(v)
-
-    def spectrum(self, origin: float, step: float, places: int) -> NDArray[np.complex128]:
-        """Return waves along the way in what is left, by line, with their phase at the origin."""
-        at = ((self.motion[0] - origin) / step).astype(np.int64)
-        inside = (at >= 0) & (at < places)
-        sums = np.bincount(at[inside], np.concatenate(self.left)[inside], places)
-        return np.asarray(np.fft.rfft(sums, PADDED * places) / self.rows)
-
-    def gain(self, cls: type[Effect], line: float) -> float:
-        """Return by how much a wave lowers the mean square of what is left."""
-        gram = np.zeros((0, 0))
-        cross = np.zeros(0)
-        for fit, basis, left in zip(self.fits, self._declared, self.left, strict=True):
-            columns = np.concatenate(list(_columns(fit, cls, line))).T
-            columns -= basis @ (basis.T @ columns)
-            gram = columns.T @ columns + (gram if gram.size else 0.0)
-            cross = columns.T @ left + (cross if cross.size else 0.0)
-        size = np.sqrt(np.maximum(gram.diagonal(), 1e-300))
-        found = np.linalg.lstsq(gram / np.outer(size, size), cross / size, rcond=1e-9)[0]
-        return float(found @ (cross / size)) / self.rows
+def names_of(alarms: Sequence[Alarm], progress: Progress) -> dict[int, Grown | str]:
+    """Return what `named` tells of alarms, by their place; of the first `MOST_ALARMS` it asks."""
+    found: dict[int, Grown | str] = {}
+    asked = [k for k, alarm in enumerate(alarms) if alarm.series.name == RESIDUAL]
+    for number, k in enumerate(asked):
+        if number >= MOST_ALARMS:
+            found[k] = (
+                f"not named: its logs were not read, only those of the first {MOST_ALARMS} "
+                "changes of what the fit leaves"
+            )
+            continue
+        series = alarms[k].series
+        share = number / min(len(asked), MOST_ALARMS)
+        progress(f"reading logs of {series.machine} {series.axis} before and after", share)
+        name = named(alarms[k])
+        if name is not None:
+            found[k] = name
+    return found
 
 
-def _columns(fit: AxisFit, cls: type[Effect], line: float) -> Iterator[Array]:
-    """Yield the columns of a wave and its orders, (p, m), as what they add to the command."""
-    rows = fit.columns
-    for order in ORDERS:
-        effect = cls.at_line(order * line)
-        if effect.kind == "input":
-            yield rows.input(effect, CommandPath(fit.delay_s))
-        elif effect.kind == "measurement":
-            yield rows.rows_of(rows.formed(each) for each in _shown(fit, effect))
-            return  # it has its orders itself
-        else:
-            yield rows.state(effect)
-
-
-def _shown(fit: AxisFit, effect: Effect) -> Iterator[Array]:
-    """Yield the acceleration that an error of the measured position seems to be, (p, N)."""
-    period_s, how = fit.data.period_s, fit.columns.options.derivative
-    for stretch in fit.columns.stretches:
-        shown = stretch.columns(effect)
-        yield np.stack([acceleration_of(e, velocity_of(e, period_s), period_s, how) for e in shown])
-
-
-def _grown_lines(earlier: _Leftovers, later: _Leftovers) -> list[float]:
+def _grown_lines(earlier: Leftovers, later: Leftovers) -> list[float]:
     """Return the wave numbers [1/m] of what grew most along the way."""
-    x, v = later.motion
-    band_hz = later.fits[0].options.filter_hz or 0.0
-    slow = float(np.percentile(np.abs(v), SLOW_PERCENTILE))
-    way = float(np.ptp(x))
-    if slow <= 0.0 or way <= 0.0:
+    way = later.way
+    if way <= 0.0 or not later.moving.any():
         return []
-    most = band_hz / slow
+    slow = float(np.percentile(later.speed[later.moving], SLOW_PERCENTILE))
+    most = min(later.band_hz / slow, MOST_PLACES / (PLACES_A_WAVE * way))
     places = math.ceil(PLACES_A_WAVE * most * way)
     step = way / places
-    origin = float(np.min(x))
+    origin = float(np.min(later.position))
     # what was there before has the same phase: it goes
     now, then = (each.spectrum(origin, step, places) for each in (later, earlier))
     grown = np.abs(now - then) ** 2
@@ -292,9 +225,16 @@ def _grown_lines(earlier: _Leftovers, later: _Leftovers) -> list[float]:
     return found
 
 
-def _refined(later: _Leftovers, cls: type[Effect], line: float) -> tuple[float, float]:
+def _refined(later: Leftovers, cls: type[Effect], line: float) -> tuple[float, float]:
     """Return what a wave near a line takes away at best, and its wave number."""
-    reach = 0.5 / float(np.ptp(later.motion[0]))
+    best = _nearest(later, cls, line)
+    while later.gain(cls, 2.0 * best[1]) > AS_MUCH * best[0]:
+        best = _nearest(later, cls, 2.0 * best[1])
+    return best
+
+
+def _nearest(later: Leftovers, cls: type[Effect], line: float) -> tuple[float, float]:
+    reach = 0.5 / later.way
     best = later.gain(cls, line), line
     for _ in range(PASSES):
         tried = best[1] + reach * np.linspace(-1.0, 1.0, STEPS)
@@ -303,19 +243,25 @@ def _refined(later: _Leftovers, cls: type[Effect], line: float) -> tuple[float, 
     return best
 
 
-def _fitted(
-    seen: Seen, axis: str, declared: Declared, options: FitOptions | None = None
-) -> AxisFit:
-    """Fit a window of a log again. Raises DataError where it is not there any more."""
-    if identity_of(seen.source) != seen.log_id:
-        raise DataError(f"{seen.source}: is another log by now than the one that was looked at")
-    with opened(seen.source) as file:
-        groups = list(range(len(file.group_rows)))
-        if seen.begin_s is not None and seen.end_s is not None:
-            begins, ends = times_of(seen.source, ParquetPieces(seen.source, file))
-            inside = (ends >= seen.begin_s) & (begins <= seen.end_s)
-            groups = np.flatnonzero(inside).tolist()
-        recording = recording_of(RowGroupTable(seen.source, file, groups), "keep", SIGNALS)
-    machine = declared.machine(recording.metadata["config"], seen.source)
-    models = declared_models(recording, declared.model, axis, machine=machine)
-    return fit_axis(with_others(recording, axis), models[axis], options)
+def _at_every_speed(later: Leftovers, cls: type[Effect], line: float) -> bool:
+    """Return whether one wave explains as much where the axis is slow as where it is fast.
+
+    Slow and fast rows have half of what the wave should explain each. Raises DataError where they
+    have one speed.
+    """
+    explained = later.explained(cls, line)[later.moving]
+    order = np.argsort(later.speed[later.moving])
+    speed, wave = later.speed[later.moving][order], explained[order]
+    left = later.left[later.moving][order]
+    power = np.cumsum(wave**2)
+    slow, middle, fast = np.searchsorted(power, np.array([0.25, 0.5, 0.75]) * power[-1])
+    if speed[fast] < OTHER_SPEED * speed[slow]:
+        raise DataError(
+            f"one speed: a wave grew, which shows at {speed[slow]:.3g} to {speed[fast]:.3g} "
+            f"{later.data.position_unit}/s alone; what follows the way and what follows time, as a "
+            "load that rings after each ramp, look alike there"
+        )
+    # what is no wave of this pitch is not made smaller by it
+    taken = 2.0 * wave * left - wave**2
+    halves = (slice(None, middle), slice(middle, None))
+    return all(np.sum(taken[half]) >= MOST_OF_IT * np.sum(wave[half] ** 2) for half in halves)

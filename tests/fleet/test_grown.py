@@ -16,7 +16,7 @@ from typer.testing import CliRunner
 from motorctl.cli import make_app
 from motorctl.errors import DataError
 from motorctl.fleet.findings import table_of_log
-from motorctl.fleet.grown import what_grew
+from motorctl.fleet.grown import MOST_ALARMS, what_grew
 from motorctl.fleet.head import identity_of
 from motorctl.fleet.series import Seen
 from motorctl.fleet.store import open_store
@@ -109,16 +109,39 @@ def test_changes_and_the_page_name_what_grew_or_say_why_not(logs: Logs, tmp_path
     store = open_store(tmp_path / "store", create=True)
     keep(store, "all", kept)
     words = ["fleet", "changes", "--store", str(store.folder)]
-    told = json.loads(CliRunner().invoke(make_app(), [*words, "--json"]).stdout)["alarms"]
+    told = json.loads(CliRunner().invoke(make_app(), [*words, "--logs", "--json"]).stdout)["alarms"]
     alarms = {alarm["machine"]: alarm for alarm in told}
     assert alarms["dirty"]["grown"]["name"] == "encoder_error"
     assert alarms["dirty"]["grown"]["pitch"] == pytest.approx(0.001, rel=0.002)
     assert "gone.parquet" in alarms["gone"]["not_named"]
-    shown = CliRunner().invoke(make_app(), words).stdout
+    shown = CliRunner().invoke(make_app(), [*words, "--logs"]).stdout
     assert "dirty x residual_rms: what grew is encoder_error that repeats every 0.001 m" in shown
     page = tmp_path / "fleet.html"
-    report = ["fleet", "report", str(store.folder), "--out", str(page)]
+    report = ["fleet", "report", str(store.folder), "--out", str(page), "--logs"]
     assert CliRunner().invoke(make_app(), report).exit_code == 0
     assert "What grew is encoder_error that repeats every 0.001 m" in page.read_text()
-    silent = json.loads(CliRunner().invoke(make_app(), [*words, "--json", "--no-logs"]).stdout)
-    assert not [alarm for alarm in silent["alarms"] if alarm.keys() & {"grown", "not_named"}]
+
+
+def test_logs_are_read_when_asked_and_of_the_first_twenty_alone(tmp_path: Path) -> None:
+    rng = np.random.default_rng(5)
+    kept = []
+    for k in range(24):
+        for machine in range(MOST_ALARMS + 2):
+            told = head(f"{machine}", f"gone-{machine}-{k}", BEGAN + k * timedelta(hours=8))
+            told = replace(told, source=f"{tmp_path}/gone.parquet")
+            rms = 0.004 + 0.0001 * rng.standard_normal() + (0.003 if k >= 12 else 0.0)
+            rows = [parameter(rms, name="residual_rms")]
+            kept.append(table_of_log(told, f"{machine}-{k}", rows))
+    store = open_store(tmp_path / "store", create=True)
+    keep(store, "all", kept)
+    words = ["fleet", "changes", "--store", str(store.folder), "--json"]
+    silent = CliRunner().invoke(make_app(), words)
+    alarms = json.loads(silent.stdout)["alarms"]
+    assert len(alarms) == MOST_ALARMS + 2
+    assert not [alarm for alarm in alarms if alarm.keys() & {"grown", "not_named"}]
+    asked = CliRunner().invoke(make_app(), [*words, "--logs"])
+    said = [alarm["not_named"] for alarm in json.loads(asked.stdout)["alarms"]]
+    assert sum("gone.parquet" in each for each in said) == MOST_ALARMS
+    assert all("its logs were not read" in each for each in said[MOST_ALARMS:])
+    assert asked.stderr.count("reading logs of") == MOST_ALARMS
+    assert not silent.stderr

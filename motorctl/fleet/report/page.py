@@ -23,7 +23,7 @@ from motorctl.fleet.changes import (
     level_of,
 )
 from motorctl.fleet.covariates import Covariates
-from motorctl.fleet.grown import Grown, named
+from motorctl.fleet.grown import Grown, Progress, names_of
 from motorctl.fleet.report.machines import UNNAMED, MachineSeen, machines_in
 from motorctl.fleet.report.trend import HEIGHT, SMALL_HEIGHT, SMALL_WIDTH, WIDTH, small, trend_of
 from motorctl.fleet.series import COLUMNS, Seen, Series, newest_rows, series_from
@@ -72,7 +72,7 @@ def write_fleet_page(
     covariates: Covariates | None = None,
     scope_port: int = PORT,
     now: datetime | None = None,
-    read_logs: bool = True,
+    read_logs: Progress | None = None,
 ) -> FleetChanges:
     """Write a fleet as one self-contained page.
 
@@ -89,7 +89,8 @@ def write_fleet_page(
     now
         Against which machines are silent; None: the time of this computer.
     read_logs
-        Whether logs are read again to name what grew where the fit leaves more.
+        Told how far it is with reading logs again, to name what grew where the fit leaves more;
+        None: none is read.
 
     Returns
     -------
@@ -113,6 +114,7 @@ def write_fleet_page(
     ends = [machine.last for machine in machines.values() if machine.last is not None]
     begins = [machine.first for machine in machines.values() if machine.first is not None]
     shown = found.alarms[:MOST_PICTURES]
+    grown = {} if read_logs is None else names_of(shown, read_logs)
     write_page(
         page,
         __package__ or "",
@@ -130,8 +132,8 @@ def write_fleet_page(
         large=(WIDTH, HEIGHT),
         small=(SMALL_WIDTH, SMALL_HEIGHT),
         alarms=[
-            _alarm(alarm, found, links, numbers) | {"grown": _grown(alarm) if read_logs else None}
-            for alarm in shown
+            _alarm(alarm, found, links, numbers) | {"grown": _grown(grown.get(k))}
+            for k, alarm in enumerate(shown)
         ],
         more=[_alarm_row(alarm, links, numbers) for alarm in found.alarms[MOST_PICTURES:]],
         unlike=[_unlike(one, links, numbers) for one in found.unlike],
@@ -199,9 +201,8 @@ def _alarm(
     }
 
 
-def _grown(alarm: Alarm) -> str | None:
-    """Return what grew, in words, where that is asked of an alarm."""
-    found = named(alarm)
+def _grown(found: Grown | str | None) -> str | None:
+    """Return what grew, in words."""
     return f"What grew is {found.sentence}" if isinstance(found, Grown) else found
 
 
