@@ -14,9 +14,10 @@ from motorctl.config.chosen_code import allowed_by
 from motorctl.errors import ConfigError, DataError
 from motorctl.fleet.paths import ends_of, opened
 from motorctl.flight.records import METADATA as FLIGHT_RECORD
+from motorctl.log.columns import axes_of
 from motorctl.log.convert import load_metadata
 from motorctl.log.parquet_pieces import ParquetPieces
-from motorctl.long_logs.footer import POSITION, moved_in, times_of
+from motorctl.long_logs.footer import moved_in, times_of
 from motorctl.model import known_effects
 from motorctl.model.columns import form_key
 
@@ -120,7 +121,7 @@ def read_head(source: str, declared: Declared) -> LogHead:
             )
         begin_utc = _moment(source, began)
         names = file.schema.names
-        axes = [n.removesuffix(POSITION) for n in names if n.endswith(POSITION)]
+        axes = axes_of(names)
         if not sum(file.group_rows) or not axes or "time_s" not in names:
             raise DataError(f"{source}: has no rows of an axis")
         pieces = ParquetPieces(source, file)

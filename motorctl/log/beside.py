@@ -13,16 +13,15 @@ from motorctl.log.open_table import open_table
 from motorctl.log.table import Array, Table
 from motorctl.log.text_times import seconds_since_first
 
-_SIGNALS = ("position", "velocity", "command", "reference")
 _SAME_TIME = 0.25
 """How far apart the times of two rows may be, in periods. As of times on a uniform grid."""
 
 
 def columns_of_file(description: Description, file: str | None) -> list[str]:
     """Return the clock, and the signals that stand in a file; None: the one named first."""
-    signals = [getattr(a, s) for a in description.axes.values() for s in _SIGNALS]
+    signals = [told for axis in description.axes.values() for told in axis.signals.values()]
     clock = [] if description.time is None else [description.time.column]
-    return clock + [s.column for s in signals if s is not None and s.file == file]
+    return clock + [told.column for told in signals if told.file == file]
 
 
 def tables_beside(path: Path, description: Description, table: Table) -> tuple[Table, Description]:
@@ -53,9 +52,8 @@ def tables_beside(path: Path, description: Description, table: Table) -> tuple[T
     axes = {}
     for name, axis in description.axes.items():
         moved = {}
-        for signal in _SIGNALS:
-            column = getattr(axis, signal)
-            if column is None or column.file is None:
+        for signal, column in axis.signals.items():
+            if column.file is None:
                 continue
             other = others.get(column.file)
             if other is None:

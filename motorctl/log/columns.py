@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,6 +15,13 @@ METADATA_KEY = b"motorctl"
 AXIS_SIGNALS = tuple(field.name for field in AXIS_FIELDS if not field.per_parameter)
 """Signals of an axis that are one number a tick each."""
 (THETA,) = (field.name for field in AXIS_FIELDS if field.per_parameter)
+POSITION = ".position_m"
+"""How the column of an axis' position ends; what stands before it is the axis' name."""
+
+
+def axes_of(names: Iterable[str]) -> tuple[str, ...]:
+    """Return the axes that columns are of, in their order."""
+    return tuple(name.removesuffix(POSITION) for name in names if name.endswith(POSITION))
 
 
 @dataclass(frozen=True)

@@ -215,10 +215,15 @@ class AxisDescription(_Part):
         return found
 
     @property
+    def signals(self) -> dict[str, PositionColumn | VelocityColumn | CommandColumn]:
+        """Each signal that is described."""
+        names = ("position", "velocity", "command", "reference")
+        return {name: told for name in names if (told := getattr(self, name)) is not None}
+
+    @property
     def columns(self) -> dict[str, str]:
         """The column of each signal that is described."""
-        signals = ("position", "velocity", "command", "reference")
-        return {s: column.column for s in signals if (column := getattr(self, s)) is not None}
+        return {name: told.column for name, told in self.signals.items()}
 
 
 Span = tuple[FiniteFloat, FiniteFloat]

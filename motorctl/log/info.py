@@ -11,6 +11,7 @@ import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
+from motorctl.log.columns import axes_of
 from motorctl.log.convert import ROW_GROUP_ROWS, load_metadata
 from motorctl.log.open_table import is_unfinished, open_table
 from motorctl.log.opened_parquet import OpenedParquet
@@ -22,7 +23,6 @@ from motorctl.log.sample import FaultCause, SampleFlag, without_sample
 from motorctl.log.table_parquet import ParquetTable
 
 _FAULT, _FLAGS, _DEVICE = ".fault", ".flags", ".device_status"
-_POSITION = ".position_m"
 _MOST_FAULTS = 50
 
 
@@ -211,7 +211,7 @@ def _of_log(
         sample_rate_hz=float(rate) if isinstance(rate, int | float) else None,
         begin_s=scan.begin_s,
         end_s=scan.end_s,
-        axes=tuple(n.removesuffix(_POSITION) for n in schema.names if n.endswith(_POSITION)),
+        axes=axes_of(schema.names),
         columns=tuple(schema.names),
         faults=tuple(sorted(scan.faults, key=lambda fault: fault.time_s)),
         missed=scan.missed,

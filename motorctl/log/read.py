@@ -15,7 +15,7 @@ from scipy.integrate import cumulative_trapezoid
 from motorctl.axis_units import units_of
 from motorctl.errors import DataError
 from motorctl.log.beside import columns_of_file, tables_beside
-from motorctl.log.columns import THETA
+from motorctl.log.columns import POSITION, THETA, axes_of
 from motorctl.log.counted_axes import with_turns_counted
 from motorctl.log.description import (
     AxisDescription,
@@ -34,7 +34,6 @@ from motorctl.log.table_csv import CsvTable
 from motorctl.log.timebase import Gaps, Grid, grid_of_rate, grid_of_time
 from motorctl.log.wild_values import without_wild
 
-_POSITION = ".position_m"
 _COMMAND = ".command_v"
 # Fields of AxisRecording, and the signals that they come from.
 _FINITE = {
@@ -105,9 +104,9 @@ def recording_of(table: Table, gaps: Gaps, signals: Collection[str] | None = Non
     """
     for name in sorted(table.repeated):
         raise DataError(table.missing(name))
-    axes = [n.removesuffix(_POSITION) for n in table.names if n.endswith(_POSITION)]
+    axes = axes_of(table.names)
     if "time_s" not in table.names or not axes:
-        missing = "time_s" if "time_s" not in table.names else f"<axis>{_POSITION}"
+        missing = "time_s" if "time_s" not in table.names else f"<axis>{POSITION}"
         raise DataError(
             f"{table.called}: no column '{missing}'. There are: {table.listing()}. For a "
             "foreign file, write a YAML description that names its columns, and pass that instead"
@@ -123,7 +122,7 @@ def recording_of(table: Table, gaps: Gaps, signals: Collection[str] | None = Non
         columns.get("tick"),
         _number(table.metadata.get("rate_hz")) or _number(config.get("rate_hz")),
         gaps,
-        [columns[axis + _POSITION] for axis in axes],
+        [columns[axis + POSITION] for axis in axes],
     )
     described = _mapping(config.get("axes"))
     of_tick = {name: grid.measured(columns[name]) for name in _OF_TICK if name in columns}
@@ -131,7 +130,7 @@ def recording_of(table: Table, gaps: Gaps, signals: Collection[str] | None = Non
     blank = [*_blank_notes(columns, finite)]
     wild: list[str] = []
     if not table.metadata:  # what a log of ours holds was seen by the guards
-        columns, wild = _without_wild(table, columns, [axis + _POSITION for axis in axes])
+        columns, wild = _without_wild(table, columns, [axis + POSITION for axis in axes])
     notes = (*table.notes, *grid.notes, *wild, *blank, *_learned_notes(columns))
     return Recording(
         source=table.called,
@@ -148,13 +147,13 @@ def recording_of(table: Table, gaps: Gaps, signals: Collection[str] | None = Non
     )
 
 
-def _wanted(table: Table, axes: list[str], signals: Collection[str] | None) -> list[str]:
+def _wanted(table: Table, axes: Sequence[str], signals: Collection[str] | None) -> list[str]:
     wanted = list(_OF_TICK)
     for axis in axes:
         wanted += [f"{axis}.{name}" for name in (*_FINITE.values(), *_FLOATS.values(), *_CODES)]
         wanted += [name for name in table.names if name.startswith(f"{axis}.{THETA}_")]
     if signals is not None:
-        asked = {*signals, _POSITION.removeprefix("."), _COMMAND.removeprefix(".")}
+        asked = {*signals, POSITION.removeprefix("."), _COMMAND.removeprefix(".")}
         wanted = [name for name in wanted if (name.partition(".")[2] or name) in asked]
     return [name for name in ("time_s", "tick", *wanted) if name in table.names]
 

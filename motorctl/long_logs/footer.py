@@ -6,9 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motorctl.errors import DataError
+from motorctl.log.columns import POSITION
 from motorctl.log.parquet_pieces import ParquetPieces
-
-POSITION = ".position_m"
 
 
 def times_of(source: str, pieces: ParquetPieces) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

@@ -17,6 +17,7 @@ from motorctl.errors import DataError
 from motorctl.identify.columns.measured import SIGNALS
 from motorctl.identify.diagnose.freed_memory import give_freed_memory_back
 from motorctl.log import Recording
+from motorctl.log.columns import axes_of
 from motorctl.log.opened_parquet import OpenedParquet
 from motorctl.log.parquet_pieces import ParquetPieces
 from motorctl.log.read import recording_of
@@ -25,7 +26,7 @@ from motorctl.log.run_parts import open_recorded
 from motorctl.log.run_table import RunTable
 from motorctl.log.table_parquet import ParquetTable
 from motorctl.log.timebase import MINIMUM_ROWS
-from motorctl.long_logs.footer import POSITION, moved_in, tells_times, times_of
+from motorctl.long_logs.footer import moved_in, tells_times, times_of
 from motorctl.long_logs.scan import ModelsOf, Told, scanned
 
 LONG_ROWS = 1 << 21
@@ -168,7 +169,5 @@ def _part(path: Path) -> LongPart:
     with OpenedParquet(path) as file:
         pieces = ParquetPieces(path, file)
         begins_s, ends_s = times_of(str(path), pieces)
-        names = file.schema.names
-        axes = [name.removesuffix(POSITION) for name in names if name.endswith(POSITION)]
-        moved = {axis: moved_in(pieces, axis) for axis in axes}
+        moved = {axis: moved_in(pieces, axis) for axis in axes_of(file.schema.names)}
         return LongPart(path, file.group_rows, begins_s, ends_s, moved)

@@ -12,6 +12,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -128,7 +129,7 @@ class _Tried:
     already: float
     total: float
 
-    @property
+    @cached_property
     def command(self) -> Array:
         """The command in rows."""
         return np.asarray(self.beside([s.command[None] for s in self.signals.stretches])[0])
