@@ -13,7 +13,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from motorctl.log.columns import METADATA_KEY
-from motorctl.log.partial import Ending, PartialFile
+from motorctl.log.partial import Ending, PartialFile, values_of
 from motorctl.log.synced import sync
 from motorctl.log.timing import TimingSummary
 
@@ -95,7 +95,7 @@ def _scan(partial: Path) -> tuple[TimingSummary, int, Ending | None]:
         for batch in source.batches():
             timing.add(
                 *(
-                    batch.column(name).to_numpy()
+                    values_of(batch.column(name))
                     for name in ("tick", "time_s", "lateness_s", "turnaround_s")
                 )
             )

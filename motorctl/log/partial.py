@@ -44,8 +44,17 @@ def encode_head(schema: pa.Schema) -> bytes:
 
 def encode_batch(schema: pa.Schema, columns: list[NDArray[np.generic]]) -> memoryview:
     """Return the bytes of one batch: equally long contiguous columns in the schema's order."""
-    batch = pa.RecordBatch.from_arrays([pa.array(column) for column in columns], schema=schema)
-    return _encode(schema, batch, {_CRC_KEY: str(checksum(columns)).encode()})
+    return _encode(schema, columns, {_CRC_KEY: str(checksum(columns)).encode()})
+
+
+def values_of(column: pa.Array[Any]) -> NDArray[Any]:
+    """Return the numbers of a column, in its own memory.
+
+    `to_numpy` imports pandas, whose hundreds of files keep every thread of a running daemon
+    waiting, and so the signs of life without which its loop stops every axis.
+    """
+    values: NDArray[Any] = np.from_dlpack(column)
+    return values
 
 
 @dataclass(frozen=True)
@@ -62,11 +71,18 @@ def encode_ending(schema: pa.Schema, ending: Ending) -> memoryview:
     """Return the bytes with which a stream ends that was closed."""
     told = json.dumps({"rows": ending.rows, "metadata": dict(ending.metadata)}).encode()
     extra = {_END_KEY: told, _CRC_KEY: str(zlib.crc32(told)).encode()}
-    empty = [pa.array([], field.type) for field in schema]
-    return _encode(schema, pa.RecordBatch.from_arrays(empty, schema=schema), extra)
+    return _encode(schema, [np.empty(0, np.uint8) for _ in schema], extra)
 
 
-def _encode(schema: pa.Schema, batch: pa.RecordBatch, extra: dict[bytes, bytes]) -> memoryview:
+def _encode(
+    schema: pa.Schema, columns: list[NDArray[np.generic]], extra: dict[bytes, bytes]
+) -> memoryview:
+    # From their memory: `pa.array` imports pandas, see `values_of`.
+    arrays = [
+        pa.Array.from_buffers(field.type, len(column), [None, pa.py_buffer(column.data)])
+        for field, column in zip(schema, columns, strict=True)
+    ]
+    batch = pa.RecordBatch.from_arrays(arrays, schema=schema)
     sink = pa.BufferOutputStream()
     with pa.ipc.new_stream(sink, schema) as writer:
         writer.write_batch(batch, custom_metadata=extra)
@@ -141,7 +157,7 @@ def _ending(extra: pa.KeyValueMetadata | None) -> Ending | None:
 def _is_whole(batch: pa.RecordBatch, extra: pa.KeyValueMetadata | None) -> bool:
     try:
         batch.validate(full=True)
-        columns = [column.to_numpy(zero_copy_only=True) for column in batch.columns]
+        columns = [values_of(column) for column in batch.columns]
         return extra is not None and int(extra[_CRC_KEY]) == checksum(columns)
     except (*_DAMAGE, KeyError):
         return False

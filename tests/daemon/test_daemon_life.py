@@ -76,6 +76,19 @@ def test_sigterm_stops_the_axes_and_completes_the_log(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
+def test_no_large_library_is_imported_while_the_loop_ticks(tmp_path: Path) -> None:
+    """Hundreds of files under the interpreter's lock: no sign of life is given meanwhile."""
+    with Daemon(tmp_path, bench_config("shuttle"), PYTHONPROFILEIMPORTTIME="1") as daemon:
+        daemon.ask("start", axis="x")
+        daemon.ask("estop")
+        wait_until(lambda: bool(list_records(daemon.logs).records))
+        assert daemon.end() == 0, daemon.said
+        said = daemon.said.partition("DEGRADED")[2].splitlines()
+    imported = [line.split("|")[-1].strip() for line in said if line.startswith("import time:")]
+    assert len(imported) < 20, imported
+
+
+@pytest.mark.slow
 def test_an_emergency_stop_is_taken_while_the_daemon_stops(tmp_path: Path) -> None:
     slow = bench_config().replace("max_velocity_m_s: 1.0", "max_velocity_m_s: 0.4")
     slow = slow.replace("stop: {acceleration_m_s2: 2,", "stop: {acceleration_m_s2: 0.4,")

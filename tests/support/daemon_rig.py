@@ -60,7 +60,7 @@ programs:
     max_acceleration_m_s2: 1, jerk_time_s: 0.05, period_s: 2, cycles: 500}}
   ring: {{kind: circle, axes: [x, y], center_m: [0.1, 0.1], radius_m: 0.02, speed_m_s: 0.1,
     max_acceleration_m_s2: 1, max_jerk_m_s3: 50, turns: 1}}
-loop: {{without_realtime: {without_realtime}, overrun_policy: count}}
+loop: {{without_realtime: {without_realtime}, overrun_policy: count, supervisor_timeout_s: 2}}
 """
 
 

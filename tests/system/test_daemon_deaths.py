@@ -30,6 +30,8 @@ from motorctl.log.sample import AxisState, SampleFlag
 pytestmark = pytest.mark.wall_clock(lanes=3)
 
 RATE_HZ = 400
+IMPATIENT = bench_config("shuttle").replace("supervisor_timeout_s: 2", "supervisor_timeout_s: 0.5")
+"""The axis is still on its first way when the loop misses its supervisor."""
 FEW = ("serial exchange", "canopen")
 FEW_AND_LONG = [bus if bus in FEW else pytest.param(bus, marks=pytest.mark.long) for bus in BUSES]
 
@@ -263,7 +265,7 @@ def test_loop_and_supervisor_killed_at_once_leave_the_device_to_its_own_watchdog
 def test_a_supervisor_that_stands_still_has_its_axes_ramped_down_and_wakes_to_tell(
     tmp_path: Path,
 ) -> None:
-    with Daemon(tmp_path, bench_config("shuttle")) as daemon:
+    with Daemon(tmp_path, IMPATIENT) as daemon:
         moving(daemon)
         pid = loop_pid(daemon)
         os.kill(daemon.process.pid, signal.SIGSTOP)
@@ -285,7 +287,7 @@ def test_a_supervisor_that_stands_still_has_its_axes_ramped_down_and_wakes_to_te
 
 @pytest.mark.slow
 def test_a_supervisor_that_pauses_for_less_than_its_limit_costs_nothing(tmp_path: Path) -> None:
-    with Daemon(tmp_path, bench_config("shuttle")) as daemon:
+    with Daemon(tmp_path, IMPATIENT) as daemon:
         moving(daemon)
         for _ in range(5):
             os.kill(daemon.process.pid, signal.SIGSTOP)
