@@ -90,6 +90,13 @@ def test_an_axis_that_never_stops_tells_nothing_of_yielding():
     assert seen(forward) is None
 
 
+def test_rises_of_a_noisy_command_are_no_rises_of_friction():
+    """In them no axis moves, and one that bends were taken for one that sticks."""
+    data = axis(bends=True)
+    noise = np.random.default_rng(1).normal(0.0, 3.0, len(data.command))
+    assert seen(replace(data, command=data.command + noise)) is None
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(("bends", "names"), [(True, ["presliding"]), (False, [])])
 def test_friction_that_bends_is_named_and_dry_friction_is_not(bends, names):

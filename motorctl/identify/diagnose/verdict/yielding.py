@@ -8,7 +8,7 @@ it. What the filters add to that way, where an axis turns round quickly, speaks 
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -37,6 +37,13 @@ Larger counts forces that vary in motion, smaller leaves out softer machines. Ch
 FEWEST_RISES = 3
 """Slow rises from which it is judged. More judges few recordings, fewer judges by one event. Chosen
 by hand."""
+FASTEST_PART = 0.3
+"""Part of the rows, the fastest ones, in which an axis slides and its friction is steady. Larger
+reaches into turning round, smaller leaves few rows. Chosen by hand."""
+MOST_SCATTER = 0.5 * (TO - FROM)
+"""Scatter of the friction of an axis that slides, over Coulomb friction, up to which a rise is one
+of friction. Larger counts rises of the command's or the acceleration's noise, in which no axis
+moves; smaller leaves noisy recordings unjudged. Arithmetic: a rise is two standard deviations."""
 YIELDS = 0.03
 """Way that the axis makes, over what the effect would give it, from which it yields. Larger refutes
 effects where rises of the command's noise pass for those of friction, smaller keeps those of dry
@@ -76,7 +83,7 @@ def without_rigid(found: Found) -> tuple[Found, tuple[str, ...]]:
 
 
 def yielding(final: Hypothesis, effect: Effect) -> Yielding | None:
-    """Return what the axis does in rises of its friction; None where there are too few.
+    """Return what the axis does in rises of its friction; None where too few are told from noise.
 
     Parameters
     ----------
@@ -85,16 +92,29 @@ def yielding(final: Hypothesis, effect: Effect) -> Yielding | None:
     effect
         The one that yields.
     """
-    ways = list(_ways(final, effect))
+    frictions = list(_friction(final, effect))
+    if _scatter(final, frictions) > MOST_SCATTER:
+        return None
+    ways = list(_ways(final, effect, frictions))
     if len(ways) < FEWEST_RISES:
         return None
     return Yielding(len(ways), float(np.median(ways)), effect.way_of_rise_m(FROM, TO))
 
 
-def _ways(final: Hypothesis, effect: Effect) -> Iterator[float]:
+def _scatter(final: Hypothesis, frictions: Sequence[Array]) -> float:
+    """Return how far friction is from steady while the axis slides, over Coulomb friction."""
+    speeds = [s.v for s, _ in zip(final.regressors.signals.stretches, frictions, strict=False)]
+    if not speeds:
+        return 0.0
+    v, friction = np.concatenate(speeds), np.concatenate(frictions)
+    slides = np.abs(v) >= np.quantile(np.abs(v), 1.0 - FASTEST_PART)
+    return float(np.std(np.sign(v[slides]) * friction[slides]))
+
+
+def _ways(final: Hypothesis, effect: Effect, frictions: Sequence[Array]) -> Iterator[float]:
     signals = final.regressors.signals
     period_s, longest_m = signals.period_s, MOST_WAY * effect.way_of_rise_m(FROM, TO)
-    for s, friction in zip(signals.stretches, _friction(final, effect), strict=False):
+    for s, friction in zip(signals.stretches, frictions, strict=False):
         x = smoothed(s.position, SEEN_HZ, period_s)
         for side in (1.0, -1.0):
             for start, end in _rises(side * friction):
