@@ -108,6 +108,7 @@ class _Columns:
         self._told: set[str] = set()  # columns of which a first cell was seen
         self._rows = TextRows()
         self._fewest = 1 + max(self._places.values())
+        self._label = ""  # the first cell of a row may be a word that each begins with
         self._narrowest = len(head.names)  # cells of a row so far: a last column may be left empty
 
     def is_row(self, line: int, cells: list[str]) -> bool:
@@ -136,7 +137,9 @@ class _Columns:
         if (
             len(cells) >= self._narrowest
             or not self._rows.lines
-            or not (is_number(begin, self._head.delimiter) or is_time(begin))
+            or not (
+                is_number(begin, self._head.delimiter) or is_time(begin) or begin == self._label
+            )
         ):
             return False
         self._rows.cut_line = line
@@ -145,6 +148,7 @@ class _Columns:
     def take(self, line: int, cells: list[str]) -> None:
         """Append a row."""
         self._rows.lines.append(line)
+        self._label = cells[0].strip()
         self._narrowest = min(self._narrowest, len(cells))
         for name, place in self._places.items():
             cell = cells[place].strip()

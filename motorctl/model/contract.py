@@ -39,6 +39,7 @@ FLAGS = (
     "ordinary",
     "scan_shows_part",
     "leaves_bursts",
+    "told_by_other_speeds",
 )
 WAVES = ("wave_over_position", "wave_over_time")
 OVER_A_PITCH = ("folded_over_pitch", "thrust_over_position")

@@ -55,6 +55,9 @@ class Sought(ABC):
     """An option along which a scan has more than one valley: each of the deepest is refined."""
     leaves_bursts: ClassVar[bool] = False
     """Of impacts, which no form follows closely: what it leaves does not speak against it."""
+    told_by_other_speeds: ClassVar[bool] = False
+    """A force that may stand for friction of another shape, where a motion passes each speed at one
+    place or time only: it is named beside a function of speed alone, or not at all."""
     sets_in: ClassVar[bool] = False
     """Sets in at once, at a time of its own."""
     refuted_at_end: ClassVar[Mapping[str, End]] = MappingProxyType({})

@@ -54,6 +54,16 @@ def test_a_damaged_row_behind_lines_of_text_is_told_by_its_line(tmp_path, separa
         read(tmp_path, with_text(lines), separator)
 
 
+@pytest.mark.parametrize("cut", ["t", "t,0.99", "t,0.99,0.6"])
+def test_a_cut_last_line_that_begins_with_the_word_of_every_row_is_left_out_and_told(tmp_path, cut):
+    rows = [f"t,{line}" for line in lines_of(",")]
+    (tmp_path / "a.csv").write_text("\n".join(["word,t,q,u", *rows, cut]))
+    (tmp_path / "d.yaml").write_text(f"file: a.csv\ntime: {{column: t}}\n{AXES}")
+    recording = read_recording(tmp_path / "d.yaml")
+    assert len(recording.axes["b"].command) == len(ROWS)
+    assert any("102" in note or "'t'" in note for note in recording.notes), recording.notes
+
+
 @SEPARATED
 @pytest.mark.parametrize("cut", ["0.99", "0.99#0.6", "0.99#-"])
 def test_a_last_line_that_was_cut_is_left_out_and_told(tmp_path, separator, cut):

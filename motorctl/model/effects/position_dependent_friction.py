@@ -43,6 +43,7 @@ class PositionDependentFriction(Effect):
     groups = frozenset({"friction", "friction_of_position"})
     ordinary = True
     revealed_by = ("two_speeds",)
+    told_by_other_speeds = True
     Options = PositionFrictionOptions
     options: PositionFrictionOptions
 

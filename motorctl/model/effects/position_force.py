@@ -49,6 +49,7 @@ class PositionForce(Effect):
     groups = frozenset({"force_of_position"})
     ordinary = True
     revealed_by = ("two_speeds",)
+    told_by_other_speeds = True
     Options = PositionForceOptions
     options: PositionForceOptions
 

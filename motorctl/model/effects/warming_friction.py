@@ -45,6 +45,7 @@ class WarmingFriction(Effect):
     # far beyond the recording it is a straight line in time, far below a step at the beginning
     refuted_at_end = MappingProxyType({"time_constant_s": "neither"})
     revealed_by = ("longer_run",)
+    told_by_other_speeds = True
     Options = WarmingFrictionOptions
     options: WarmingFrictionOptions
 

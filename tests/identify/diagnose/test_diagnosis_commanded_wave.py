@@ -14,16 +14,16 @@ from motorctl.identify.diagnose.recording import diagnose_axis
 FREQUENCY_HZ = 1.7
 
 
-def answered_by_nothing(times):
-    """Return an axis with a sine in its command that something else takes back.
+def answered_by_nothing(times, *more_hz):
+    """Return an axis with sines in its command that something else takes back.
 
-    It is `times` as large in rms as what moves the axis. Another axis is recorded beside it, which
-    might do that.
+    Each is `times` as large in rms as what moves the axis. Another axis is recorded beside it,
+    which might do that.
     """
     data, beside = (OtherPlant().run(seed=seed, duration_s=16.0) for seed in (4, 9))
     size = times * np.sqrt(2.0) * np.std(data.command)
-    wave = size * np.sin(2 * np.pi * FREQUENCY_HZ * data.time_s)
-    return replace(data, command=data.command + wave, others={"y": beside})
+    waves = sum(np.sin(2 * np.pi * hz * data.time_s) for hz in (FREQUENCY_HZ, *more_hz))
+    return replace(data, command=data.command + size * waves, others={"y": beside})
 
 
 @pytest.mark.slow
@@ -39,3 +39,12 @@ def test_a_force_that_cancels_the_whole_command_is_not():
     found = diagnose_axis(answered_by_nothing(3.5), C1)
     assert "periodic_disturbance" not in {effect.name for effect in found.effects}
     assert any("the command itself is a sine of 1.7 Hz" in note for note in found.notes)
+
+
+@pytest.mark.slow
+def test_a_force_that_cancels_one_of_the_two_sines_of_a_command_is_not():
+    found = diagnose_axis(answered_by_nothing(3.5, 4.1), C1)
+    assert "periodic_disturbance" not in {effect.name for effect in found.effects}
+    (told,) = [note for note in found.notes if "the command itself is sines of" in note]
+    assert "1.7" in told
+    assert "4.1" in told

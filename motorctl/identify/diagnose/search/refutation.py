@@ -30,6 +30,7 @@ from motorctl.identify.diagnose.search.simulated_position import (
     simulated_motion,
     simulated_position,
 )
+from motorctl.identify.diagnose.search.speed_instead import speed_instead
 from motorctl.identify.diagnose.search.turning_places import shown_by_turning
 from motorctl.identify.diagnose.search.uncommanded import uncommanded
 from motorctl.identify.diagnose.search.whole_model import (
@@ -85,6 +86,7 @@ def without_refuted(found: Found, held_out: Rows | None = None) -> tuple[Found, 
         refuted = refuted or uncommanded(final) or as_late_column(final)
         refuted = refuted or worse_in_other_direction(final)
         refuted = refuted or motions_own_wave(final) or gap_in_ripple(final)
+        refuted = refuted or speed_instead(final)
         beside = known_inertias(beside_waves(found.base, final))
         refuted = refuted or drives_itself(final) or of_impossible_inertia(final, beside)
         refuted = refuted or next(filter(None, worse), None)

@@ -72,7 +72,11 @@ from motorctl.identify.diagnose.verdict.testable import UNEXPLAINED, ordinary, u
 from motorctl.identify.diagnose.verdict.undetermined_model import over_command, why_undetermined
 from motorctl.identify.diagnose.verdict.unknown import compensation, unknown_structure
 from motorctl.identify.diagnose.verdict.verdict import Judged, low_hz
-from motorctl.identify.diagnose.verdict.whole_physics import whole_model, whole_told
+from motorctl.identify.diagnose.verdict.whole_physics import (
+    whole_model,
+    whole_told,
+    wrong_sign_told,
+)
 from motorctl.identify.diagnose.verdict.yielding import without_rigid
 from motorctl.model import Effect, EffectList
 from motorctl.model.sign_function import sign_of
@@ -166,6 +170,8 @@ def assemble(
     estimator = estimator_of(found.final, by_reference is not None)
     whole = whole_model(found, by_reference or found.final)
     kin = None if effects else doubted_most
+    left = 100.0 * over_command(found, found.final.held_out)
+    within = f" to within {left:.1f} % of the command" if judged.faint else ""
     unknown = None
     if verdict == "unknown_structure":
         unknown = unknown_structure(judged, found, extra, values, kin, impossible)
@@ -177,7 +183,7 @@ def assemble(
         sentence=(
             f"This motion cannot tell what the model lacks: {too_plain or drowned}."
             if too_plain or drowned
-            else _sentence(verdict, effects, unknown, missing, error, kin)
+            else _sentence(within, verdict, effects, unknown, missing, error, kin)
         ),
         declared_theta=base.theta,
         declared_std_error=base.std_error,
@@ -207,6 +213,7 @@ def assemble(
             *tested,
             *_notes(found, judged, split, effects),
             *whole_told(whole, effects),
+            *(() if effects or verdict == "complete" else wrong_sign_told(base, data)),
             estimator.sentence,
         ),
     )
@@ -324,6 +331,7 @@ def _missing_motion(
 
 
 def _sentence(
+    within: str,
     verdict: str,
     effects: tuple[FoundEffect, ...],
     unknown: UnknownStructure | None,
@@ -338,7 +346,7 @@ def _sentence(
     )
     if verdict == "complete":
         return (
-            "The declared model is complete: its held-out error is "
+            f"The declared model is complete{within}: its held-out error is "
             f"{error.held_out_before_rms:.3g} {unit} rms, and noise alone "
             f"would give {error.noise_floor_rms:.3g} {unit}."
         )
@@ -383,10 +391,9 @@ def _notes(
     if not split.stated:
         notes.append("every third block of rows was held out of the fit to measure the errors")
     if judged.faint:
-        left = over_command(found, found.final.held_out)
         notes.append(
-            f"what is left is {100.0 * left:.1f} % of the command, more than the measurement's "
-            "noise; it depends on nothing that was measured, and counts as the machine's own noise"
+            "what is left is more than the measurement's noise; it depends on nothing that was "
+            "measured, and counts as the machine's own noise"
         )
     if judged.as_twin:
         notes.append(

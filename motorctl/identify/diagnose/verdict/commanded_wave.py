@@ -1,7 +1,8 @@
 """Waves over time that are the command itself: a force that takes back what was commanded.
 
-Where the command is hardly more than one sine, a disturbance of that frequency can cancel it. It
-then says no more than that the command does not move the axis, whatever does.
+Where the command is hardly more than a few sines, a disturbance of the frequency of one of them can
+cancel it. It then says no more than that this part of the command does not move the axis, whatever
+does.
 """
 
 from __future__ import annotations
@@ -9,14 +10,27 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from numpy.typing import NDArray
 
 from motorctl.identify.columns.signals import Signals
 from motorctl.identify.diagnose.search.search import Found, with_final
+
+Array = NDArray[np.float64]
 
 ALL_OF_COMMAND = 0.9
 """Part of the command's variance that waves may take before they count as the command itself.
 Larger names forces that cancel what was commanded, smaller doubts fans and pumps that a loop at
 rest answers. Chosen by hand: an arm that is driven by one sine has 0.986."""
+OTHER_SINES = 3
+"""Sines beside those of the waves that a command may consist of. Larger takes the harmonics of
+repeated moves for sines that were asked for, smaller names what cancels one of many tones. Chosen
+by hand: tests of motors command two to four."""
+OWN_PART = 0.05
+"""Part of the command's variance that the waves' own sines must have, beside the others. Larger
+names what cancels a weak tone, smaller refutes waves that are only near one. Chosen by hand."""
+POINTS_A_LINE = 8
+"""Frequencies tried for each that the recording tells apart. Fewer leave a part of a sine, more
+take time. Arithmetic: at a sixteenth of a line's width 0.3 % of its variance are left."""
 
 
 def without_commanded_waves(found: Found) -> tuple[Found, tuple[str, ...]]:
@@ -25,13 +39,16 @@ def without_commanded_waves(found: Found) -> tuple[Found, tuple[str, ...]]:
     for effect in found.final.added:
         if "wave_over_time" not in effect.groups:
             continue
-        share = share_of_command(found.final.regressors.signals, effect.lines)
-        if share < ALL_OF_COMMAND:
+        signals = found.final.regressors.signals
+        others = other_sines(signals, effect.lines)
+        share = share_of_command(signals, (*effect.lines, *others))
+        if share < ALL_OF_COMMAND or share - share_of_command(signals, others) < OWN_PART:
             continue
         found = with_final(found, found.final.without(effect.name).refreshed())
-        lines = ", ".join(f"{line:.4g} Hz" for line in effect.lines)
+        lines = ", ".join(f"{line:.4g} Hz" for line in (*effect.lines, *others))
+        sines = "sines of" if len(effect.lines) + len(others) > 1 else "a sine of"
         notes.append(
-            f"{effect.name} is refuted: the command itself is a sine of {lines} "
+            f"{effect.name} is refuted: the command itself is {sines} {lines} "
             f"({100.0 * share:.0f} % of its variance, limit {100.0 * ALL_OF_COMMAND:g} %), and a "
             "force that cancels it is not known from one that never came. Record a motion with "
             "other frequencies"
@@ -49,10 +66,40 @@ def share_of_command(signals: Signals, lines_hz: tuple[float, ...]) -> float:
     lines_hz
         Frequencies [Hz].
     """
+    t, u = _command(signals)
+    left = _without_sines(t, u, lines_hz)
+    return float(1.0 - left @ left / max(float(u @ u), 1e-300))
+
+
+def other_sines(signals: Signals, lines_hz: tuple[float, ...]) -> tuple[float, ...]:
+    """Return the frequencies of the strongest sines of the command beside some [Hz].
+
+    As many as make the command `ALL_OF_COMMAND`, or `OTHER_SINES`.
+    """
+    t, u = _command(signals)
+    found: tuple[float, ...] = ()
+    hz = np.fft.rfftfreq(POINTS_A_LINE * len(u), signals.period_s)
+    while len(found) < OTHER_SINES:
+        left = _without_sines(t, u, (*lines_hz, *found))
+        if left @ left <= (1.0 - ALL_OF_COMMAND) * (u @ u):
+            break
+        power = np.abs(np.fft.rfft(left, POINTS_A_LINE * len(u)))
+        found = (*found, float(hz[1 + np.argmax(power[1:])]))
+    return found
+
+
+def _command(signals: Signals) -> tuple[Array, Array]:
+    """Return times [s] and the command about its mean, both (N,)."""
     t = np.concatenate([stretch.time_s for stretch in signals.stretches])
     u = np.concatenate([stretch.command for stretch in signals.stretches])
+    return t, u - u.mean()
+
+
+def _without_sines(t: Array, u: Array, lines_hz: tuple[float, ...]) -> Array:
+    """Return what sines of these frequencies leave of it, (N,)."""
+    if not lines_hz:
+        return u
     angles = [2.0 * math.pi * line * t for line in lines_hz]
     columns = np.stack([f(angle) for angle in angles for f in (np.sin, np.cos)], axis=1)
-    u, columns = u - u.mean(), columns - columns.mean(axis=0)
-    left = u - columns @ np.linalg.lstsq(columns, u, rcond=None)[0]
-    return float(1.0 - left @ left / max(float(u @ u), 1e-300))
+    columns -= columns.mean(axis=0)
+    return np.asarray(u - columns @ np.linalg.lstsq(columns, u, rcond=None)[0])

@@ -5,8 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
+from motorctl.identify.columns.measured import Measured
 from motorctl.identify.diagnose.result import FoundEffect, WholeModel
 from motorctl.identify.diagnose.search.hypothesis import Hypothesis
+from motorctl.identify.diagnose.search.parameters import FittedModel
 from motorctl.identify.diagnose.search.search import Found
 from motorctl.identify.diagnose.search.whole_model import (
     OF_INERTIA,
@@ -16,6 +18,10 @@ from motorctl.identify.diagnose.search.whole_model import (
     seen_inertia,
 )
 from motorctl.log.units import unit_for
+
+SURELY = 5.0
+"""Standard errors below zero from which an inertia or a damping is called negative. Larger tells
+few engineers to look, smaller sends some to look for nothing. Convention: five sigma."""
 
 
 def whole_model(found: Found, final: Hypothesis) -> WholeModel:
@@ -29,6 +35,30 @@ def whole_model(found: Found, final: Hypothesis) -> WholeModel:
         declared_inertia=data.inertia,
         friction_gives=friction_power(final).given,
     )
+
+
+def wrong_sign_told(alone: FittedModel, data: Measured) -> tuple[str, ...]:
+    """Return what a declared model says of a sign that no machine has, for an engineer to check.
+
+    Parameters
+    ----------
+    alone
+        The declared model, fitted without anything that was found.
+    data
+        The recording, which has the units.
+    """
+    first = 0
+    for effect in alone.model.effects:
+        value, error = float(alone.theta[first]), float(alone.std_error[first])
+        if effect.proportional_to in ("acceleration", "velocity") and value < -SURELY * error < 0.0:
+            unit = unit_for(effect.parameters[0].unit, data.position_unit, data.command_unit)
+            return (
+                f"{effect.name} of the declared model comes to {value:.3g} ± {error:.2g} {unit}, "
+                "and no machine has a negative one: the sign of the command or of the position may "
+                "be reversed in the recording, or a force that the model lacks drives the axis",
+            )
+        first += len(effect.parameters)
+    return ()
 
 
 def whole_told(whole: WholeModel, effects: Sequence[FoundEffect]) -> tuple[str, ...]:
