@@ -40,6 +40,8 @@ def whole_model(found: Found, final: Hypothesis) -> WholeModel:
 def wrong_sign_told(alone: FittedModel, data: Measured) -> tuple[str, ...]:
     """Return what a declared model says of a sign that no machine has, for an engineer to check.
 
+    Beside a sure inertia a negative damping says nothing of signs: any delay has one.
+
     Parameters
     ----------
     alone
@@ -57,6 +59,8 @@ def wrong_sign_told(alone: FittedModel, data: Measured) -> tuple[str, ...]:
                 "and no machine has a negative one: the sign of the command or of the position may "
                 "be reversed in the recording, or a force that the model lacks drives the axis",
             )
+        if effect.proportional_to == "acceleration" and value > SURELY * error:
+            break
         first += len(effect.parameters)
     return ()
 
