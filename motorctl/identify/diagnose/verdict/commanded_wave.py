@@ -78,7 +78,7 @@ def other_sines(signals: Signals, lines_hz: tuple[float, ...]) -> tuple[float, .
     """
     t, u = _command(signals)
     found: tuple[float, ...] = ()
-    hz = np.fft.rfftfreq(POINTS_A_LINE * len(u), signals.period_s)
+    hz = np.fft.rfftfreq(POINTS_A_LINE * len(u), signals.row_period_s)
     while len(found) < OTHER_SINES:
         left = _without_sines(t, u, (*lines_hz, *found))
         if left @ left <= (1.0 - ALL_OF_COMMAND) * (u @ u):
@@ -89,9 +89,12 @@ def other_sines(signals: Signals, lines_hz: tuple[float, ...]) -> tuple[float, .
 
 
 def _command(signals: Signals) -> tuple[Array, Array]:
-    """Return times [s] and the command about its mean, both (N,)."""
-    t = np.concatenate([stretch.time_s for stretch in signals.stretches])
-    u = np.concatenate([stretch.command for stretch in signals.stretches])
+    """Return times [s] and the command about its mean at the rate of the rows, both (m,)."""
+    d = signals.decimation
+    t, u = (
+        np.concatenate([c[: len(c) // d * d].reshape(-1, d).mean(axis=1) for c in columns])
+        for columns in zip(*((s.time_s, s.command) for s in signals.stretches), strict=True)
+    )
     return t, u - u.mean()
 
 
