@@ -157,6 +157,8 @@ def _ending(extra: pa.KeyValueMetadata | None) -> Ending | None:
 def _is_whole(batch: pa.RecordBatch, extra: pa.KeyValueMetadata | None) -> bool:
     try:
         batch.validate(full=True)
+        if any(column.null_count for column in batch.columns):
+            return False
         columns = [values_of(column) for column in batch.columns]
         return extra is not None and int(extra[_CRC_KEY]) == checksum(columns)
     except (*_DAMAGE, KeyError):

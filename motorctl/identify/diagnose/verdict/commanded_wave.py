@@ -25,9 +25,13 @@ OTHER_SINES = 3
 """Sines beside those of the waves that a command may consist of. Larger takes the harmonics of
 repeated moves for sines that were asked for, smaller names what cancels one of many tones. Chosen
 by hand: tests of motors command two to four."""
-OWN_PART = 0.05
+OWN_PART = 0.2
 """Part of the command's variance that the waves' own sines must have, beside the others. Larger
-names what cancels a weak tone, smaller refutes waves that are only near one. Chosen by hand."""
+names what cancels a weak tone, smaller refutes forces that a loop answers. Chosen by hand: each of
+four equal tones has a quarter."""
+LONGEST_GAPS = 4.0
+"""Length of a recording with its gaps, over that of its rows, up to which lines are sought in it.
+Larger takes memory, smaller leaves recordings of few stretches to the old rule. Chosen by hand."""
 POINTS_A_LINE = 8
 """Frequencies tried for each that the recording tells apart. Fewer leave a part of a sine, more
 take time. Arithmetic: at a sixteenth of a line's width 0.3 % of its variance are left."""
@@ -40,9 +44,11 @@ def without_commanded_waves(found: Found) -> tuple[Found, tuple[str, ...]]:
         if "wave_over_time" not in effect.groups:
             continue
         signals = found.final.regressors.signals
-        others = other_sines(signals, effect.lines)
+        # Behind a reference a loop's own answer to a force is a sine of the command, too.
+        others = other_sines(signals, effect.lines) if signals.data.reference is None else ()
         share = share_of_command(signals, (*effect.lines, *others))
-        if share < ALL_OF_COMMAND or share - share_of_command(signals, others) < OWN_PART:
+        own = share - share_of_command(signals, others)
+        if share < ALL_OF_COMMAND or own < OWN_PART:
             continue
         found = with_final(found, found.final.without(effect.name).refreshed())
         lines = ", ".join(f"{line:.4g} Hz" for line in (*effect.lines, *others))
@@ -78,12 +84,16 @@ def other_sines(signals: Signals, lines_hz: tuple[float, ...]) -> tuple[float, .
     """
     t, u = _command(signals)
     found: tuple[float, ...] = ()
-    hz = np.fft.rfftfreq(POINTS_A_LINE * len(u), signals.row_period_s)
+    place = np.round((t - t[0]) / signals.row_period_s).astype(np.int64)  # gaps count as time
+    rows = int(place[-1]) + 1
+    if rows > LONGEST_GAPS * len(u):
+        return ()
+    hz = np.fft.rfftfreq(POINTS_A_LINE * rows, signals.row_period_s)
     while len(found) < OTHER_SINES:
         left = _without_sines(t, u, (*lines_hz, *found))
         if left @ left <= (1.0 - ALL_OF_COMMAND) * (u @ u):
             break
-        power = np.abs(np.fft.rfft(left, POINTS_A_LINE * len(u)))
+        power = np.abs(np.fft.rfft(np.bincount(place, left), POINTS_A_LINE * rows))
         found = (*found, float(hz[1 + np.argmax(power[1:])]))
     return found
 

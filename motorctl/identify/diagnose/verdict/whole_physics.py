@@ -49,19 +49,24 @@ def wrong_sign_told(alone: FittedModel, data: Measured) -> tuple[str, ...]:
     data
         The recording, which has the units.
     """
-    first = 0
+    fitted, first = {}, 0
     for effect in alone.model.effects:
         value, error = float(alone.theta[first]), float(alone.std_error[first])
-        if effect.proportional_to in ("acceleration", "velocity") and value < -SURELY * error < 0.0:
+        fitted[effect.proportional_to] = effect, value, error
+        first += len(effect.parameters)
+    for of in ("acceleration", "velocity"):
+        if of not in fitted:
+            continue
+        effect, value, error = fitted[of]
+        if value < -SURELY * error < 0.0:
             unit = unit_for(effect.parameters[0].unit, data.position_unit, data.command_unit)
             return (
                 f"{effect.name} of the declared model comes to {value:.3g} ± {error:.2g} {unit}, "
                 "and no machine has a negative one: the sign of the command or of the position may "
                 "be reversed in the recording, or a force that the model lacks drives the axis",
             )
-        if effect.proportional_to == "acceleration" and value > SURELY * error:
+        if of == "acceleration" and value > SURELY * error:
             break
-        first += len(effect.parameters)
     return ()
 
 

@@ -38,8 +38,11 @@ FEWEST_RISES = 3
 """Slow rises from which it is judged. More judges few recordings, fewer judges by one event. Chosen
 by hand."""
 FASTEST_PART = 0.3
-"""Part of the rows, the fastest ones, in which an axis slides and its friction is steady. Larger
-reaches into turning round, smaller leaves few rows. Chosen by hand."""
+"""Part of the rows in motion, the fastest ones, in which an axis slides and its friction is steady.
+Larger reaches into turning round, smaller leaves few rows. Chosen by hand."""
+RESTS = 0.05
+"""Speed, over the top speed, up to which an axis counts as at rest or turning round. Larger leaves
+out slow motion, smaller takes what noise does at rest for sliding. Chosen by hand."""
 MOST_SCATTER = 0.5 * (TO - FROM)
 """Scatter of the friction of an axis that slides, over Coulomb friction, up to which a rise is one
 of friction. Larger counts rises of the command's or the acceleration's noise, in which no axis
@@ -107,7 +110,11 @@ def _scatter(final: Hypothesis, frictions: Sequence[Array]) -> float:
     if not speeds:
         return 0.0
     v, friction = np.concatenate(speeds), np.concatenate(frictions)
-    slides = np.abs(v) >= np.quantile(np.abs(v), 1.0 - FASTEST_PART)
+    speed = np.abs(v)
+    moves = speed[speed > RESTS * speed.max()]
+    if not len(moves):
+        return 0.0
+    slides = speed >= np.quantile(moves, 1.0 - FASTEST_PART)
     return float(np.std(np.sign(v[slides]) * friction[slides]))
 
 
