@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy import fft
@@ -95,6 +97,14 @@ def time_spectrum(signals: Signals, left_over: Array) -> tuple[Array, Array]:
     used = (frequency >= 2.0 / duration) & (frequency <= signals.band_hz)
     energy = 0.5 * len(r) * signals.response(frequency[used]) ** 2
     return frequency[used], np.abs(line[used]) ** 2 / np.maximum(energy, 1e-6 * len(r))
+
+
+def without_sines(time_s: Array, rows: Array, lines_hz: Sequence[float]) -> Array:
+    """Return what a constant and sines of these frequencies [Hz] leave of rows, (m,)."""
+    angles = [2.0 * np.pi * line * time_s for line in lines_hz]
+    waves = [f(angle) for angle in angles for f in (np.sin, np.cos)]
+    columns = np.stack([*waves, np.ones(len(rows))], axis=1)
+    return np.asarray(rows - columns @ np.linalg.lstsq(columns, rows, rcond=None)[0])
 
 
 def strongest(place: Array, gain: Array, count: int) -> list[float]:

@@ -25,7 +25,7 @@ AS_MUCH = 0.85
 """Part of what the effect takes of the squared error on held-out rows that a function of speed may
 take instead. Larger names what friction of another shape does, smaller refutes forces in motions
 that pass a place mostly at one speed. Chosen by hand: a staircase of commands has 0.92 to 1.0, true
-effects of simulated machines of other hands at most 0.6."""
+ones of simulated machines of other hands at most 0.41."""
 
 
 def speed_instead(final: Hypothesis) -> tuple[Effect, str] | None:

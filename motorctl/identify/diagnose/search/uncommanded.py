@@ -21,6 +21,7 @@ from scipy import signal
 from motorctl.identify.diagnose.search.acceptance import LEAST_GAIN, gain
 from motorctl.identify.diagnose.search.held_out_blocks import held_out_sse, with_columns
 from motorctl.identify.diagnose.search.hypothesis import Hypothesis
+from motorctl.identify.diagnose.search.spectral_lines import without_sines
 from motorctl.model import Effect
 
 Array = NDArray[np.float64]
@@ -65,7 +66,7 @@ def uncommanded(final: Hypothesis) -> tuple[Effect, str] | None:
         if final.regressors.side != "command":
             continue
         lowest_hz = BELOW * min(*effect.lines, IN_BAND * signals.band_hz)
-        left = _without(signals.time_s, command - command.mean(), line_hz)
+        left = without_sines(signals.time_s, command - command.mean(), (line_hz,))
         has = _above(left, signals.row_period_s, lowest_hz)
         part = math.sqrt(float(has @ has) / max(rest.held_out - final.held_out, 1e-300))
         if part < ASKED:
@@ -96,7 +97,7 @@ def _strongest_line(time_s: Array, command: Array, period_s: float) -> float:
     density = np.abs(np.fft.rfft(rest * np.hanning(len(rest)), size))
     step_hz = 1.0 / (size * period_s)
     around = (np.argmax(density) + np.linspace(-1.0, 1.0, TRIED) * FINER / 2.0) * step_hz
-    return float(min(around, key=lambda hz: float(np.sum(_without(time_s, rest, hz) ** 2))))
+    return float(min(around, key=lambda hz: float(np.sum(without_sines(time_s, rest, (hz,)) ** 2))))
 
 
 def _above(rows: Array, period_s: float, lowest_hz: float) -> Array:
@@ -106,10 +107,3 @@ def _above(rows: Array, period_s: float, lowest_hz: float) -> Array:
         return rows
     high = signal.butter(4, lowest_hz, "highpass", fs=fs, output="sos")
     return np.asarray(signal.sosfiltfilt(high, rows))
-
-
-def _without(time_s: Array, rows: Array, line_hz: float) -> Array:
-    """Return rows without a sine."""
-    angle = 2.0 * math.pi * line_hz * time_s
-    columns = np.stack([np.sin(angle), np.cos(angle), np.ones(len(rows))], axis=1)
-    return np.asarray(rows - columns @ np.linalg.lstsq(columns, rows, rcond=None)[0])

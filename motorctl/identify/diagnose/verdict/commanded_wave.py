@@ -7,13 +7,12 @@ does.
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 from numpy.typing import NDArray
 
 from motorctl.identify.columns.signals import Signals
 from motorctl.identify.diagnose.search.search import Found, with_final
+from motorctl.identify.diagnose.search.spectral_lines import without_sines
 
 Array = NDArray[np.float64]
 
@@ -73,7 +72,7 @@ def share_of_command(signals: Signals, lines_hz: tuple[float, ...]) -> float:
         Frequencies [Hz].
     """
     t, u = _command(signals)
-    left = _without_sines(t, u, lines_hz)
+    left = without_sines(t, u, lines_hz)
     return float(1.0 - left @ left / max(float(u @ u), 1e-300))
 
 
@@ -90,7 +89,7 @@ def other_sines(signals: Signals, lines_hz: tuple[float, ...]) -> tuple[float, .
         return ()
     hz = np.fft.rfftfreq(POINTS_A_LINE * rows, signals.row_period_s)
     while len(found) < OTHER_SINES:
-        left = _without_sines(t, u, (*lines_hz, *found))
+        left = without_sines(t, u, (*lines_hz, *found))
         if left @ left <= (1.0 - ALL_OF_COMMAND) * (u @ u):
             break
         power = np.abs(np.fft.rfft(np.bincount(place, left), POINTS_A_LINE * rows))
@@ -106,13 +105,3 @@ def _command(signals: Signals) -> tuple[Array, Array]:
         for columns in zip(*((s.time_s, s.command) for s in signals.stretches), strict=True)
     )
     return t, u - u.mean()
-
-
-def _without_sines(t: Array, u: Array, lines_hz: tuple[float, ...]) -> Array:
-    """Return what sines of these frequencies leave of it, (N,)."""
-    if not lines_hz:
-        return u
-    angles = [2.0 * math.pi * line * t for line in lines_hz]
-    columns = np.stack([f(angle) for angle in angles for f in (np.sin, np.cos)], axis=1)
-    columns -= columns.mean(axis=0)
-    return np.asarray(u - columns @ np.linalg.lstsq(columns, u, rcond=None)[0])
