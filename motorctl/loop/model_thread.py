@@ -13,11 +13,9 @@ import threading
 import time
 from dataclasses import dataclass
 
-from motorctl.config.keys import LoopSettings
 from motorctl.errors import MotorctlError
 from motorctl.loop.layout import MODELS_TOLD_BYTES
 from motorctl.loop.other_models import OtherModels
-from motorctl.loop.realtime import enter_beside
 from motorctl.loop.shared import LoopMemory
 from motorctl.loop.succession import Succession
 from motorctl.loop.tick import Tick
@@ -59,11 +57,11 @@ class ModelThread:
         self._last: Succession | None = None
         self._thread = threading.Thread(target=self._serve, name="models", daemon=True)
 
-    def begin(self, settings: LoopSettings) -> None:
-        """Start the thread, which then sleeps until it is sent an order."""
+    def begin(self) -> int:
+        """Start the thread, which then sleeps until it is sent an order; return its id."""
         self._thread.start()
-        if self._thread.native_id is not None:
-            enter_beside(self._thread.native_id, settings)
+        assert self._thread.native_id is not None
+        return self._thread.native_id
 
     def _serve(self) -> None:
         with os.fdopen(self._orders_fd, "rb") as pipe:

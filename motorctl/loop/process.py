@@ -19,7 +19,14 @@ from motorctl.errors import MotorctlError, RunError
 from motorctl.garbage import SELDOM
 from motorctl.loop.clock import WallClock
 from motorctl.loop.model_thread import ModelThread
-from motorctl.loop.realtime import NEEDED, enter_realtime, leave_priority, reasons
+from motorctl.loop.realtime import (
+    NEEDED,
+    enter_beside,
+    enter_realtime,
+    leave_priority,
+    reasons,
+    usual_priority,
+)
 from motorctl.loop.reopening import ReopeningThread
 from motorctl.loop.runner import run_wall
 from motorctl.loop.shared import LoopMemory
@@ -157,7 +164,8 @@ def _run(orders: Orders, memory: LoopMemory) -> bool:
     sys.setswitchinterval(SWITCH_INTERVAL_S)
     try:
         _insist(orders.machine, degraded)
-        tick.open()
+        with usual_priority():
+            tick.open()
         _tick_until_the_end(orders, memory, tick)
     finally:
         leave_priority()
@@ -170,11 +178,15 @@ def _tick_until_the_end(orders: Orders, memory: LoopMemory, tick: Tick) -> None:
     try:
         notes = [note for name in tick.drivers for note in tick.notes_of(name)]
         status["notes"][0] = "\n".join(notes).encode(errors="replace")
-        if orders.bell_fd is not None:
-            reopening = ReopeningThread(tick, memory, orders.bell_fd)
-            reopening.begin(orders.machine.loop)
-        if orders.models_fd is not None:
-            ModelThread(tick, memory, orders.models_fd).begin(orders.machine.loop)
+        beside: list[int] = []
+        with usual_priority():  # locked memory: all of a thread's stack is made when it begins
+            if orders.bell_fd is not None:
+                reopening = ReopeningThread(tick, memory, orders.bell_fd)
+                beside.append(reopening.begin())
+            if orders.models_fd is not None:
+                beside.append(ModelThread(tick, memory, orders.models_fd).begin())
+        for thread_id in beside:
+            enter_beside(thread_id, orders.machine.loop)
         memory.phase = Phase.RUNNING
         run_wall(tick, WallClock(orders.machine.loop.spin_s))
     finally:

@@ -7,6 +7,7 @@ import ctypes
 import gc
 import mmap
 import os
+from collections.abc import Iterator
 from pathlib import Path
 
 from motorctl.config.keys import LoopSettings
@@ -30,6 +31,9 @@ REASONS = {
 
 _taken: list[Claim] = []
 """Of this process' CPU; kept, as the kernel gives it back when the process ends."""
+
+MOST_LOOPS = 16
+"""On one CPU that are told apart, to spread them evenly. By hand: more than a CPU has time for."""
 
 NEEDED = Degraded.NO_FIFO | Degraded.NO_PINNING | Degraded.NO_LOCKED_MEMORY
 """What `without_realtime: refuse` insists on; the rest is the kernel's set-up and only told."""
@@ -116,6 +120,19 @@ def enter_beside(thread_id: int, settings: LoopSettings) -> None:
         os.sched_setscheduler(thread_id, policy, os.sched_param(below if real_time else 0))
 
 
+@contextlib.contextmanager
+def usual_priority() -> Iterator[None]:
+    """Do without the real-time priority meanwhile: what takes milliseconds stops no other loop."""
+    policy, parameters = os.sched_getscheduler(0), os.sched_getparam(0)
+    with contextlib.suppress(OSError):
+        os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
+    try:
+        yield
+    finally:
+        with contextlib.suppress(OSError):
+            os.sched_setscheduler(0, policy, parameters)
+
+
 def leave_priority() -> None:
     """Give up priority and CPU: what is left may take its time, other loops may not."""
     with contextlib.suppress(OSError):
@@ -140,7 +157,8 @@ def hold_shallow_idle() -> int:
 def chosen_cpu(settings: LoopSettings) -> int:
     """Return the CPU to pin to: the configured one, else the highest isolated, else the highest.
 
-    A loop beside others gets the next lower one that none of them has.
+    A loop beside others gets the next lower one that none of them has; where each has one, that
+    with the fewest.
     """
     return _cpus_in_order(settings)[0]
 
@@ -152,9 +170,8 @@ def _cpus_in_order(settings: LoopSettings) -> list[int]:
 
 
 def _pin(settings: LoopSettings) -> Degraded:
-    cpu = _take_one(cpus := _cpus_in_order(settings))
-    shared = Degraded(0) if cpu is not None else Degraded.CPU_SHARED
-    cpu = cpus[0] if cpu is None else cpu
+    cpu, has_another = _take_one(_cpus_in_order(settings))
+    shared = Degraded.CPU_SHARED if has_another else Degraded(0)
     try:
         os.sched_setaffinity(0, {cpu})
     except OSError:
@@ -162,13 +179,14 @@ def _pin(settings: LoopSettings) -> Degraded:
     return shared | (Degraded(0) if cpu in isolated_cpus() else Degraded.CPU_NOT_ISOLATED)
 
 
-def _take_one(cpus: list[int]) -> int | None:
-    """Take the first CPU that no other loop of this computer has; return it, or None."""
-    for cpu in cpus:
-        with contextlib.suppress(RunError):
-            _taken.append(Claim(f"CPU {cpu}", ["loop"]))
-            return cpu
-    return None
+def _take_one(cpus: list[int]) -> tuple[int, bool]:
+    """Take the CPU with the fewest other loops of this computer; tell whether it has another."""
+    for beside in range(MOST_LOOPS):
+        for cpu in cpus:
+            with contextlib.suppress(RunError):
+                _taken.append(Claim(f"CPU {cpu}", [f"loop {beside}"]))
+                return cpu, beside > 0
+    return cpus[0], True
 
 
 def _kernel_is_rt() -> bool:

@@ -13,12 +13,10 @@ import time
 import numpy as np
 
 from motorctl.config.dual_drive_keys import SECOND_END
-from motorctl.config.keys import LoopSettings
 from motorctl.errors import MotorctlError
 from motorctl.hal import Inputs, Outputs, Status
 from motorctl.loop.guards.device import FORGET_PLACE
 from motorctl.loop.layout import REOPEN_TOLD_BYTES
-from motorctl.loop.realtime import enter_beside
 from motorctl.loop.shared import LoopMemory
 from motorctl.loop.tick import Tick
 from motorctl.loop.vocabulary import Word
@@ -64,11 +62,11 @@ class ReopeningThread:
         """The driver that is being opened."""
         self._thread = threading.Thread(target=self._serve, name="reopening", daemon=True)
 
-    def begin(self, settings: LoopSettings) -> None:
-        """Start the thread, which then sleeps until it is rung for."""
+    def begin(self) -> int:
+        """Start the thread, which then sleeps until it is rung for; return its id."""
         self._thread.start()
-        if self._thread.native_id is not None:
-            enter_beside(self._thread.native_id, settings)
+        assert self._thread.native_id is not None
+        return self._thread.native_id
 
     def end(self) -> str | None:
         """Open nothing any more; return the driver that an `open` still has after END_S, if any."""

@@ -13,7 +13,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from daemon_rig import Daemon, bench_config
+from daemon_rig import DRIVER, Daemon, bench_config
 
 from motorctl.config import load
 from motorctl.daemon.loop_process import LoopProcess
@@ -135,10 +135,8 @@ def test_nobody_is_told_that_a_port_which_is_not_there_made_its_device_safe(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     absent = tmp_path / "ttyUSB7"
-    serial = f"gantry: {{type: serial, port: {absent}, baud: 3000000, mode: exchange}}"
-    config = bench_config().replace(
-        "gantry: {type: sim, preset: published_gantry, seed: 1}", serial
-    )
+    serial = f"{{type: serial, port: {absent}, baud: 3000000, mode: exchange}}"
+    config = bench_config().replace(DRIVER, serial)
     (tmp_path / "bench.yaml").write_text(config)
     loop = LoopProcess(load(str(tmp_path / "bench.yaml")))
     try:

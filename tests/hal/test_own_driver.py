@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 import typer
 from click.testing import Result
-from daemon_rig import Daemon, bench_config, wait_until
+from daemon_rig import DRIVER, Daemon, bench_config, wait_until
 from typer.testing import CliRunner
 
 from motorctl.cli import check, drivers
@@ -47,7 +47,7 @@ def box_config(port: int, **changes: str) -> str:
     """Write the bench's configuration with a box in place of the simulated gantry."""
     text = bench_config("ring", "ring").replace("turns: 1}", "turns: 3}")
     text = text.replace(
-        "{type: sim, preset: published_gantry, seed: 1}",
+        DRIVER,
         f"{{type: box, host: 127.0.0.1, port: {port}, late: {LATE}}}",
     )
     for old, new in changes.items():

@@ -4,6 +4,7 @@ import contextlib
 import os
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -79,7 +80,8 @@ sys.stdin.read()
 @pytest.mark.slow
 def test_loops_beside_each_other_take_cpus_of_their_own_and_tell_where_there_are_too_few():
     loops, told = [], []
-    for _ in range(max(2, len(isolated_cpus())) + 1):
+    cpus = max(2, len(isolated_cpus()))
+    for _ in range(2 * cpus):
         loop = subprocess.Popen(
             [sys.executable, "-c", TAKE_TURNS],
             stdin=subprocess.PIPE,
@@ -93,7 +95,9 @@ def test_loops_beside_each_other_take_cpus_of_their_own_and_tell_where_there_are
         loop.communicate("")
     alone = [cpu for cpu, shared in told if not shared]
     assert len(set(alone)) == len(alone)
-    assert told[-1][1]
+    assert all(shared for _, shared in told[cpus:])
+    # the second ones are spread as the first ones are
+    assert len({cpu for cpu, _ in told[cpus:]}) == cpus
 
 
 @pytest.mark.slow
@@ -101,7 +105,7 @@ def test_a_cpu_that_is_configured_is_taken_though_another_loop_has_it():
     cpu = min(os.sched_getaffinity(0))
     with contextlib.ExitStack() as held:
         with contextlib.suppress(RunError):  # another loop of this computer has it already
-            held.callback(Claim(f"CPU {cpu}", ["loop"]).release)
+            held.callback(Claim(f"CPU {cpu}", ["loop 0"]).release)
         degraded, _, cpus, *_ = enter("as it is", str(cpu))
     assert cpus == 1
     assert degraded & Degraded.CPU_SHARED
@@ -117,3 +121,44 @@ def test_every_shortcoming_has_its_words(bit):
 def test_several_shortcomings_are_all_told():
     assert len(reasons(NEEDED)) == 3
     assert reasons(0) == []
+
+
+BEGIN = """
+import os, threading
+from loop_bench import gantry, with_sim
+from motorctl.loop import process
+from motorctl.loop.shared import LoopMemory
+from motorctl.loop.tick import Tick
+
+policies = {}
+
+def noting(name, act):
+    def noted(*arguments, **options):
+        policies[name] = os.sched_getscheduler(0)
+        return act(*arguments, **options)
+    return noted
+
+machine = with_sim(gantry())
+memory = LoopMemory.create(list(machine.axes), 32, machine.rate_hz)
+Tick.open = noting("open", Tick.open)
+threading.Thread.start = noting("thread", threading.Thread.start)
+process.run_wall = noting("ticks", lambda *_: None)
+models_fd, _ = os.pipe()
+process._run(process.Orders(machine, memory.fd, {}, os.eventfd(0), None, models_fd), memory)
+print(*(policies[name] == os.SCHED_FIFO for name in ("open", "thread", "ticks")))
+"""
+
+
+@pytest.mark.slow
+def test_what_takes_long_is_done_before_the_loop_has_its_priority():
+    if enter("as it is")[0] & Degraded.NO_FIFO:
+        pytest.skip("this user may not take a real-time priority")
+    support = Path(__file__).parents[1] / "support"
+    done = subprocess.run(
+        [sys.executable, "-c", BEGIN],
+        capture_output=True,
+        text=True,
+        check=False,
+        env={**os.environ, "PYTHONPATH": str(support)},
+    )
+    assert done.stdout.split() == ["False", "False", "True"], done.stderr

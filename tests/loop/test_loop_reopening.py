@@ -16,6 +16,7 @@ from motorctl.hal import Inputs, Outputs, Status
 from motorctl.log.sample import AxisState, FaultCause
 from motorctl.loop import Reply, Verb, reopening
 from motorctl.loop.guards.device import FORGET_PLACE
+from motorctl.loop.realtime import enter_beside
 from motorctl.loop.reopening import ReopeningThread
 from motorctl.loop.vocabulary import Word
 
@@ -64,7 +65,7 @@ class Bench(Hand):
         super().__init__(with_axes(machine, homing=homed_by("index", home_position_m=HOME_M)))
         self.bell_fd = os.eventfd(0)
         self.reopening = ReopeningThread(self.tick, self.memory, self.bell_fd)
-        self.reopening.begin(machine.loop)
+        self.beside = self.reopening.begin()
         self.orders = 0
 
     def end(self) -> None:
@@ -225,8 +226,9 @@ def test_a_reopening_thread_runs_below_the_loop_on_its_cpu(monkeypatch: pytest.M
 
     monkeypatch.setattr(os, "sched_setscheduler", schedule)
     bench = Bench()
-    bench.end()
     settings = bench.tick.machine.loop
+    enter_beside(bench.beside, settings)
+    bench.end()
     assert set_to["policy"] == os.SCHED_FIFO
     assert set_to["priority"] == settings.priority - 1
     assert set_to["cpus"] == {3}
