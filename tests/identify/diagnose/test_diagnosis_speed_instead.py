@@ -72,5 +72,5 @@ def test_a_staircase_of_commands_is_not_said_to_warm_up():
     found = diagnose_axis(wheel(growing(12)), C1)
     assert "warming_friction" not in found.sentence
     assert "warming_friction" not in {effect.name for effect in found.effects}
-    instead = "warming_friction is refuted: a function of speed alone"
+    instead = "warming_friction is refuted: beside a function of speed alone"
     assert any(note.startswith(instead) for note in found.notes)
