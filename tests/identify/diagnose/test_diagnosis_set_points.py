@@ -82,6 +82,26 @@ def test_a_declared_spring_may_follow_its_command(run):
     assert check_no_set_point(signals, EffectList([*C1.effects, spring])) is None
 
 
+def waves(run: Measured, place: float, damping: float, inertia: float, *turns: float) -> Measured:
+    """Return a recording of sines, rad/s, with a command that motion makes without any friction."""
+    t, sines = run.time_s, np.array(turns)[:, None]
+    x, v = np.sin(sines * t).sum(axis=0), (sines * np.cos(sines * t)).sum(axis=0)
+    a = -(sines**2 * np.sin(sines * t)).sum(axis=0)
+    noise = np.random.default_rng(3).normal(0.0, 3e-4, len(t))
+    return replace(run, position=x + noise, command=place * x + damping * v + inertia * a)
+
+
+def test_a_place_that_one_slow_sine_was_sent_to_is_told_though_its_factor_is_a_little_off(run):
+    sent = waves(run, 1.0, 0.33, 0.037, 1.0)
+    with pytest.raises(DataError, match=r"it is the position that the axis was sent to"):
+        diagnose_axis(sent, C1)
+
+
+def test_a_spring_of_nearly_one_under_several_sines_is_no_set_point(run):
+    held = waves(run, 0.95, 0.33, 0.02, 1.0, 4.0)
+    assert check_no_set_point(make_signals(held), C1) is None
+
+
 @pytest.mark.parametrize("viscous", [1.0, 0.3])
 def test_a_machine_with_friction_of_just_one_is_no_set_point(viscous):
     plant = OtherPlant(inertia=0.02, viscous=viscous, coulomb=0.05, width_m_s=2e-3)

@@ -38,6 +38,18 @@ hand: motors of the recordings of other hands have 0.06 and more."""
 FOLLOWED_HZ = 10.0
 """Band in which it is asked [Hz]: any loop follows there, and slower than its own poles. Larger
 asks what a loop adds of higher order, smaller leaves too little motion. Chosen by hand."""
+NEARLY_ONE = 0.1
+"""How far from one the place's factor may be where one does as well. Larger accuses springs that
+are slack at the origin, smaller misses loops that follow one slow wave. Chosen by hand: a real loop
+that was sent a single sine has 0.96, as acceleration is the place there, but for its sign."""
+AS_WELL = 4.0
+"""Squared error with a factor of just one, over that with a free one, up to which it does as well.
+Larger accuses such springs, smaller misses loops that are recorded roughly. Chosen by hand."""
+HARDLY = 1e-4
+"""Part of the command's variance that a factor of just one may leave where a free one leaves next
+to nothing. Larger accuses such springs, smaller misses loops whose acceleration drowns in noise.
+Chosen by hand: that real loop leaves 4e-6, a noisy one 3e-5, a spring of 0.95 under two sines
+7e-4."""
 QUICK = 0.05
 """Part of the usual speed at which friction has turned over, for asking whether there is any.
 Larger blends it with viscous friction, smaller asks the noise. Chosen by hand."""
@@ -97,7 +109,8 @@ def check_no_set_point(plain: Signals, declared: EffectList) -> str | None:
         f"and what a loop takes to follow ({100.0 * (1.0 - left / size**2):.1f} % of it is told by "
         "this, without any dry friction or constant force)"
     )
-    if _PLACE.followed(b, parts) and not has_spring(declared):
+    followed = _PLACE.followed(b, parts) or _could_be_one(rows, command, b, parts)
+    if followed and not has_spring(declared):
         raise DataError(
             f"{plain.data.place}: the command is {b[0]:.4g} times the position {told}: it is the "
             "position that the axis was sent to, not what drives it there. Give the current, "
@@ -111,6 +124,20 @@ def check_no_set_point(plain: Signals, declared: EffectList) -> str | None:
             "voltage instead. A machine whose friction is just that would look the same"
         )
     return None
+
+
+def _could_be_one(rows: Array, command: Array, b: Array, parts: Array) -> bool:
+    """Return whether most of the command is the place, and a factor of just one fits as well.
+
+    In a motion of one frequency the loop's own acceleration is a part of the place, and takes that
+    part off its factor.
+    """
+    if parts[0] <= MOST_OF_IT or abs(b[0] - 1.0) > NEARLY_ONE:
+        return False
+    rest, others = command - rows[0], rows[1:]
+    held = rest - np.linalg.lstsq(others.T, rest, rcond=None)[0] @ others
+    left = float(np.sum((command - b @ rows) ** 2))
+    return bool(held @ held <= max(AS_WELL * left, HARDLY * len(command) * np.var(command)))
 
 
 def _motion(plain: Signals) -> tuple[Array, Array]:
