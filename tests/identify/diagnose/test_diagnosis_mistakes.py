@@ -381,6 +381,15 @@ def test_a_command_without_its_sign_is_told():
         heard(replace(geared, command=np.abs(geared.command)))
 
 
+def test_a_positive_column_that_drives_nothing_is_no_magnitude():
+    """Given the velocity's sign, it would be all dry friction."""
+    geared = OtherPlant(inertia=0.01, viscous=0.6, coulomb=0.5).run(seed=3, duration_s=8.0)
+    slow = np.random.default_rng(2).normal(0.0, 0.02, len(geared.command) // 100 + 1)
+    torque = np.repeat(0.1 + np.abs(slow), 100)[: len(geared.command)]
+    with pytest.raises(DataError, match=r"explains none of the acceleration"):
+        heard(replace(geared, command=torque))
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("ripple_hz", [25.0, 150.0])
 def test_ripple_of_a_steady_speed_is_no_change_of_speed(ripple_hz):

@@ -57,6 +57,11 @@ WAVES_ENOUGH = 0.5
 """The same that waves over position must explain beside these, where nothing else does: a motor's
 cogging in slow motion. Larger refuses weak cogging, smaller lets wrong columns pass: six waves have
 much freedom. Chosen by hand: bare motors have 0.7 to 0.9."""
+OF_ITS_SIZE = 0.5
+"""Part of a magnitude's own variance that the motion must explain once it has a direction. Larger
+misses magnitudes that are mostly dry friction, smaller takes any positive column for one: its sign
+alone is then explained. Chosen by hand: a real torque that drives nothing has 0.3, a
+real duty cycle without a sign 0.97."""
 DRIVES = 0.9
 """Part of another axis' command that this axis' motion must explain, for the two columns to be
 called exchanged. Larger misses exchanged columns of loaded axes, smaller accuses axes that merely
@@ -228,8 +233,10 @@ def _check_direction_of(data: Measured) -> None:
     time_s = np.concatenate([s.time_s for s in stretches])
     velocity = np.concatenate([s.v for s in stretches])
     way = np.sign(np.interp(data.time_s, time_s, velocity))
-    share = _driven_by(replace(data, command=data.command * way))
-    if share > DRIVES:
+    signed = data.command * way
+    share = _driven_by(replace(data, command=signed))
+    of_size = 1.0 - (1.0 - share) * float(np.var(signed[data.usable]) / np.var(used))
+    if share > DRIVES and of_size > OF_ITS_SIZE:
         raise DataError(
             f"{data.place}: the command never changes its sign, though the axis moves both ways; "
             f"with the sign of its velocity the motion explains {100.0 * share:.0f} % of it: it is "
