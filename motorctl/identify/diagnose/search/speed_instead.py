@@ -65,8 +65,9 @@ def speed_instead(final: Hypothesis) -> tuple[Effect, str] | None:
         takes = rest.held_out - within.held_out
         if takes <= 0.0:
             continue
-        best = min(functions, key=lambda function: _left(rest.problem, function))
-        still = _left(rest.problem, best) - _left(within.problem, best)
+        alone = [_left(rest.problem, function) for function in functions]
+        best = int(np.argmin(alone))
+        still = alone[best] - _left(within.problem, functions[best])
         part = 1.0 - still / takes
         if part > AS_MUCH:
             return effect, (

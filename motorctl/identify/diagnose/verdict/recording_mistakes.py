@@ -60,8 +60,8 @@ much freedom. Chosen by hand: bare motors have 0.7 to 0.9."""
 OF_ITS_SIZE = 0.5
 """Part of a magnitude's own variance that the motion must explain once it has a direction. Larger
 misses magnitudes that are mostly dry friction, smaller takes any positive column for one: its sign
-alone is then explained. Chosen by hand: a real torque that drives nothing has 0.3, a
-real duty cycle without a sign 0.97."""
+alone is then explained. Chosen by hand: a real torque that drives nothing has 0.3, a real
+duty cycle without a sign 0.97."""
 DRIVES = 0.9
 """Part of another axis' command that this axis' motion must explain, for the two columns to be
 called exchanged. Larger misses exchanged columns of loaded axes, smaller accuses axes that merely

@@ -109,7 +109,7 @@ def check_no_set_point(plain: Signals, declared: EffectList) -> str | None:
         f"and what a loop takes to follow ({100.0 * (1.0 - left / size**2):.1f} % of it is told by "
         "this, without any dry friction or constant force)"
     )
-    followed = _PLACE.followed(b, parts) or _could_be_one(rows, command, b, parts)
+    followed = _PLACE.followed(b, parts) or _could_be_one(rows, command, b, parts, left)
     if followed and not has_spring(declared):
         raise DataError(
             f"{plain.data.place}: the command is {b[0]:.4g} times the position {told}: it is the "
@@ -126,18 +126,17 @@ def check_no_set_point(plain: Signals, declared: EffectList) -> str | None:
     return None
 
 
-def _could_be_one(rows: Array, command: Array, b: Array, parts: Array) -> bool:
+def _could_be_one(rows: Array, command: Array, b: Array, parts: Array, left: float) -> bool:
     """Return whether most of the command is the place, and a factor of just one fits as well.
 
     In a motion of one frequency the loop's own acceleration is a part of the place, and takes that
-    part off its factor.
+    part off its factor. `left` is the mean square that a free factor leaves.
     """
     if parts[0] <= MOST_OF_IT or abs(b[0] - 1.0) > NEARLY_ONE:
         return False
     rest, others = command - rows[0], rows[1:]
     held = rest - np.linalg.lstsq(others.T, rest, rcond=None)[0] @ others
-    left = float(np.sum((command - b @ rows) ** 2))
-    return bool(held @ held <= max(AS_WELL * left, HARDLY * len(command) * np.var(command)))
+    return bool(np.mean(held**2) <= max(AS_WELL * left, HARDLY * np.var(command)))
 
 
 def _motion(plain: Signals) -> tuple[Array, Array]:
