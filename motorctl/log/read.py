@@ -114,6 +114,8 @@ def recording_of(table: Table, gaps: Gaps, signals: Collection[str] | None = Non
     for axis in axes:
         table.require(axis + _COMMAND)
     columns = table.read(_wanted(table, axes, signals))
+    if "tick" not in columns and not table.metadata:
+        columns = table.without_repeated_times(columns, "time_s")
     config = _mapping(table.metadata.get("config"))
     grid = grid_of_time(
         table,
@@ -225,6 +227,8 @@ def _read_described(path: Path, description: Description) -> Recording:
         read = table.without_empty_rows(read, clock.column)
         read = table.from_where_the_clock_runs(read, clock.column)
     columns, together = brought_together(read, description)
+    if clock is not None:
+        columns = table.without_repeated_times(columns, clock.column)
     described = [axis.motion.column for axis in description.axes.values()]
     sound, wild = _without_wild(table, columns, described)
     sound, turns = with_turns_counted(table, sound, description, path)

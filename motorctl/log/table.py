@@ -22,6 +22,11 @@ MOST_MATRIX_COLUMNS = 256
 MOST_BLANK = 0.01
 """Part of a column that may be blank and is filled in; more is a column that is not what it should
 be."""
+MOST_REPEATED = 0.001
+"""Part of the rows that may repeat the time of the one before and are left out. Larger takes a clock
+of too few digits for rows written twice, smaller refuses long files for one of them. Chosen by
+hand: of 50,500 to 191,000 rows that others recorded one stood twice, and such a clock repeats every second
+time."""
 
 
 class Table(ABC):
@@ -104,6 +109,24 @@ class Table(ABC):
         kept = np.arange(len(time)) if self._kept is None else self._kept
         self._kept = kept[waiting:]
         return {name: values[waiting:] for name, values in columns.items()}
+
+    def without_repeated_times(self, columns: dict[str, Array], clock: str) -> dict[str, Array]:
+        """Leave out the few rows that repeat the time of the one before, as where one stands twice.
+
+        Only where no time runs backwards and they are no more than `MOST_REPEATED` of the rows:
+        else the clock has too few digits. `notes` tell.
+        """
+        time = columns[clock]
+        repeats = np.concatenate([[False], time[1:] == time[:-1]])
+        count = int(np.count_nonzero(repeats))
+        if not 0 < count <= MOST_REPEATED * len(time) or (time[1:] < time[:-1]).any():
+            return columns
+        rows = "a row that repeats" if count == 1 else f"{count} rows that repeat"
+        told = f"{rows} the time of the one before left out, the first: "
+        self.notes = (*self.notes, told + self.row(int(np.argmax(repeats))))
+        kept = np.arange(len(time)) if self._kept is None else self._kept
+        self._kept = kept[~repeats]
+        return {name: values[~repeats] for name, values in columns.items()}
 
     def read(self, names: Iterable[str]) -> dict[str, Array]:
         """Read columns as float64, all equally long.
