@@ -9,37 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motorctl.errors import DataError
+from motorctl.identify.columns.frozen_position import check_encoder
 from motorctl.identify.columns.measured import Measured
 from motorctl.model import EffectList
 
 Array = NDArray[np.float64]
 
-STUCK_S = 0.1
-"""Shortest time that a position stands still after moving fast in the sample before, to count as
-that of a stuck encoder [s]. Larger misses short freezes, smaller takes hard stops for one. Chosen
-by hand."""
-STUCK_SAMPLES = 10
-"""Fewest samples of it, at low rates. Smaller takes a slow clock's repeats for a stuck encoder.
-Chosen by hand."""
-SPEED_S = 0.003
-"""Time over which the speed before it is told [s]. Larger takes real braking for a freeze, smaller
-sees few counts. Chosen by hand."""
-BRAKING = 5.0
-"""Acceleration that such a standstill would mean, over the hardest that the axis shows otherwise.
-Larger misses encoders that stick in slow motion, smaller takes hard stops for one. Chosen by
-hand."""
-LONG_STUCK_S = 1.0
-"""Time from which a position that stands still to the last count is more than a rest between moves
-[s]. Larger misses encoders that stick late in a recording, smaller takes rests after a hard stop
-for one. Chosen by hand."""
-BRAKING_LONG = 2.0
-"""The same factor where it stands still so long. Larger misses encoders that stick in slow motion;
-smaller takes rests for them: sound machines come to one with a quarter. Measured on machines of
-other hands, which stick with 3 to 20."""
-ONE_STEP = 0.9
-"""Part of the way before a standstill that may lie in one sample: more is a jump of the position,
-not motion that ends. Larger takes jumps for motion, smaller misses encoders that stick while the
-axis speeds up. Chosen by hand: half of it where the speed is steady."""
 OPPOSITE = -0.5
 """Correlation of the reference with the position, from which the two run against each other. Nearer
 to -1 misses reversed references of poor controllers; nearer to 0 suspects columns that have nothing
@@ -72,7 +47,7 @@ def check_columns(data: Measured, declared: EffectList | None = None) -> None:
     A command in proportion to the position is what drives an axis against a stiff spring, where the
     declared model has a force of the position.
     """
-    _check_encoder(data)
+    check_encoder(data)
     with np.errstate(all="ignore"):  # nothing is claimed of what is no number
         _check_reference(data)
         if declared is None or not has_spring(declared):
@@ -82,46 +57,6 @@ def check_columns(data: Measured, declared: EffectList | None = None) -> None:
 def has_spring(declared: EffectList) -> bool:
     """Return whether a model has a force of the position: then a command may follow the place."""
     return any("force_of_position" in effect.groups for effect in declared.effects)
-
-
-def _check_encoder(data: Measured) -> None:
-    """Find a position that freezes in full motion: no brake stops an axis within a sample."""
-    shortest = max(STUCK_SAMPLES, round(STUCK_S * data.sample_rate_hz))
-    for rows in data.stretches(2 * shortest):
-        x = data.position[rows]
-        steps = np.diff(x)
-        if not steps.any():
-            continue
-        still = np.concatenate([[False], steps == 0.0, [False]])
-        starts = np.flatnonzero(~still[:-1] & still[1:])
-        lengths = np.flatnonzero(still[:-1] & ~still[1:]) - starts
-        width = max(2, round(SPEED_S * data.sample_rate_hz))
-        frozen = (lengths >= shortest) & (starts >= width)
-        if not frozen.any():
-            continue
-        usual = _usual_change(x, width)
-        for start, length in zip(starts[frozen], lengths[frozen], strict=True):
-            way = abs(float(x[start] - x[start - width]))
-            if np.abs(steps[start - width : start]).max() > ONE_STEP * way:
-                continue
-            long = length >= LONG_STUCK_S * data.sample_rate_hz
-            if way > (BRAKING_LONG if long else BRAKING) * usual:
-                at_s = data.time_s[rows][start]
-                speed = way / width * data.sample_rate_hz
-                raise DataError(
-                    f"{data.place}: the position freezes at {at_s:.4g} s: it moved at "
-                    f"{speed:.3g} {data.position_unit}/s and stands still "
-                    f"from one sample to the next, for {length / data.sample_rate_hz:.3g} s: the "
-                    "encoder or its line was stuck; cut this part out (in a description: "
-                    f"segments: {{fit: [{data.time_s[0]:.3f}, {at_s - data.period_s:.6f}]}})"
-                )
-
-
-def _usual_change(x: Array, width: int) -> float:
-    """Return the largest usual change of the way that is made in `width` samples."""
-    way = x[width:] - x[:-width]
-    change = np.abs(way[width:] - way[:-width])
-    return float(np.percentile(change, 99.9)) if len(change) else 0.0
 
 
 def _check_reference(data: Measured) -> None:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from motorctl.errors import DataError, UsageError
+from motorctl.identify.columns.frozen_position import without_stale_start
 from motorctl.identify.columns.held_samples import without_held
 from motorctl.identify.columns.measured import (
     Measured,
@@ -175,6 +176,7 @@ def diagnose_axis(
     data, held = without_held(data)
     if test is not None:
         test, _ = without_held(test)
+    data, stale = without_stale_start(data)
     check_columns(data, declared)
     check_magnitude(data)
     data, stuck = without_stuck(data)
@@ -231,5 +233,5 @@ def diagnose_axis(
             "motor back, and this motion does not tell which: record a longer one, with more steps "
             "or at a higher rate"
         )
-    notes = filter(None, (held, stuck, hint, read, speed_told(axis)))
+    notes = filter(None, (held, stale, stuck, hint, read, speed_told(axis)))
     return replace(axis, notes=(*axis.notes, *notes))

@@ -157,6 +157,7 @@ def check_exchanged(data: Measured, error: FitError | None, options: FitOptions)
 def judge(fit: AxisFit, found: LeastSquares) -> AxisFit:
     """Add the notes that a reader of the numbers needs."""
     notes = [
+        *fit.notes,
         *_bound_notes(fit),
         *_excitation_notes(fit, found.solution),
         *_instrument_notes(fit),

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motorctl.errors import DataError
+from motorctl.identify.columns.frozen_position import without_stale_start
 from motorctl.identify.columns.measured import Measured, check_usable, counterpart, with_others
 from motorctl.identify.columns.usual_mistakes import check_columns
 from motorctl.identify.fit.instruments import by_instruments
@@ -134,6 +135,7 @@ def fit_axis(
         columns that seem exchanged or of opposite sign.
     """
     check_usable(data)
+    data, stale = without_stale_start(data)
     check_columns(data, model)
     everything = prepare(data, model, options or FitOptions())
     options = everything.options
@@ -166,7 +168,7 @@ def fit_axis(
         held_out=held_out,
         residual=residual,
         condition=found.solution.condition,
-        notes=(),
+        notes=() if stale is None else (stale,),
     )
     return judge(fit, found)
 
