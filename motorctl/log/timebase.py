@@ -9,13 +9,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Literal, NoReturn
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from motorctl.errors import DataError
 from motorctl.log.between_samples import smooth_between
+from motorctl.log.long_holes import require_stretches
 from motorctl.log.table import Table
 from motorctl.log.uneven_times import (
     counted_ticks,
@@ -40,13 +41,6 @@ SIGNIFICANT_DIGITS = 9
 HIGHEST_RATE_HZ = 1e8
 LONGEST_PERIOD_S = 1e5
 LARGEST_TICK = 1 << 53
-FEW_PAUSES = 0.01
-"""Holes over samples up to which they are pauses between tests. Larger takes samples that come with
-events for a time base, smaller refuses tests that were recorded one after the other. Chosen by
-hand."""
-PAUSED_TIMES = 50
-"""How many times longer than the recording its pauses may be. Larger takes memory, smaller refuses
-short tests with long pauses between them. Chosen by hand."""
 
 
 @dataclass(frozen=True)
@@ -237,10 +231,8 @@ def _of_uneven_times(table: Table, name: str, time_s: Array, motion: Sequence[Ar
     ticks = counted_ticks(time_s, usual)
     rate = _rate(table, time_s, ticks, None)
     missing = int(ticks[-1]) + 1 - len(ticks)
-    pauses = int(np.count_nonzero(np.diff(ticks) > 1))
-    most = PAUSED_TIMES if pauses <= FEW_PAUSES * len(ticks) else 1
-    if missing > most * len(ticks):
-        _refuse_uneven(table, name, time_s)
+    if missing > len(ticks):
+        require_stretches(table, name, time_s, missing)
     exact = _is_uniform(time_s, ticks, rate)
     if exact or is_even_by_index(ticks, time_s, usual, motion):
         notes = []
@@ -355,17 +347,6 @@ def _is_uniform(time_s: Array, ticks: Ticks, rate: float) -> bool:
 def _off(time_s: Array, ticks: Ticks, rate: float) -> Array:
     """Return how far times lie off the uniform grid, in periods."""
     return np.asarray((time_s - time_s[0]) * rate - ticks)
-
-
-def _refuse_uneven(table: Table, name: str, time_s: Array) -> NoReturn:
-    usual = usual_step(time_s)
-    steps = np.diff(time_s)
-    k = int(np.argmax(steps)) + 1
-    raise DataError(
-        f"{table.path}: {table.row(k)}: column '{name}' steps by {steps[k - 1]:.6g} s, usually by "
-        f"{usual:.6g} s, and more samples are missing than there are: cut out one stretch of the "
-        "recording, or describe it in YAML with sample_rate_hz where only the times are inexact"
-    )
 
 
 def _require_uniform(table: Table, name: str, time_s: Array, ticks: Ticks, rate: float) -> None:

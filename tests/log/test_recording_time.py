@@ -129,24 +129,6 @@ def test_a_hole_among_uneven_samples_is_marked(tmp_path):
     np.testing.assert_allclose(axis.position[good], np.sin(6.0 * recording.time_s[good]), atol=6e-4)
 
 
-def test_pauses_between_tests_are_holes_and_no_reason_to_refuse(tmp_path):
-    even = 0.005 * np.arange(1000)
-    late = np.random.default_rng(1).uniform(0.0, 1e-3, 1000)
-    table = sines(even) | {"time_s": even + late + np.where(np.arange(1000) < 600, 0.0, 120.0)}
-    recording = read_recording(write_table(tmp_path / "a.csv", table))
-    axis = recording.axes["x"]
-    good = np.flatnonzero(axis.recorded)
-    assert len(good) == pytest.approx(1000, abs=4)
-    assert np.diff(good).max() * recording.period_s == pytest.approx(120.0, rel=0.01)
-
-
-def test_samples_that_come_with_events_are_refused(tmp_path):
-    random = np.random.default_rng(2)
-    steps = np.where(random.random(1000) < 0.965, 0.005, 0.3)
-    with pytest.raises(DataError, match="more samples are missing than there are"):
-        read_recording(write_table(tmp_path / "a.csv", sines(np.cumsum(steps))))
-
-
 def test_a_clock_that_alternates_while_the_motion_does_not_is_taken_as_uniform(tmp_path):
     time_s = np.arange(1000) * 0.011
     late = time_s + np.where(np.arange(1000) % 2, 0.0, 0.004)
@@ -270,51 +252,6 @@ def test_rows_written_before_the_clock_ran_are_left_out_and_told(tmp_path, waiti
     rows = f"{waiting} rows" if waiting > 1 else "a row"
     told = f"{rows} written before the clock ran left out, the first: row 1 (line 2)"
     assert recording.notes == (told,)
-
-
-def with_times_twice(folder, rows):
-    """Write 3000 samples of which these rows have the time of the one before."""
-    table = sines(0.005 * np.arange(3000))
-    table = {name: np.insert(values, rows, values[rows]) for name, values in table.items()}
-    write_table(folder / "a.csv", table)
-    (folder / "a.yaml").write_text(
-        "file: a.csv\ntime: {column: time_s}\naxes:\n  x:\n"
-        "    position: {column: x.position_m, unit: m}\n"
-        "    command: {column: x.command_v, unit: V}\n"
-    )
-
-
-@pytest.mark.parametrize("name", ["a.csv", "a.yaml"])
-@pytest.mark.parametrize(
-    ("rows", "told"),
-    [
-        ([700], "a row that repeats the time of the one before left out, the first: row 702"),
-        ([700, 700, 900], "3 rows that repeat the time of the one before left out, the first: row"),
-    ],
-)
-def test_a_few_rows_that_stand_twice_are_left_out_and_told(tmp_path, name, rows, told):
-    with_times_twice(tmp_path, rows)
-    recording = read_recording(tmp_path / name)
-    time_s = 0.005 * np.arange(3000)
-    np.testing.assert_allclose(recording.time_s, time_s)
-    np.testing.assert_allclose(recording.axes["x"].position, np.sin(6.0 * time_s), atol=1e-9)
-    assert any(note.startswith(told) for note in recording.notes), recording.notes
-
-
-def test_of_two_rows_of_one_time_the_first_is_kept(tmp_path):
-    table = sines(0.005 * np.arange(3000))
-    table = {name: np.insert(values, 700, values[700]) for name, values in table.items()}
-    table["x.command_v"][700:702] = [2.0, 3.0]
-    command = read_recording(write_table(tmp_path / "a.csv", table)).axes["x"].command
-    assert command[700] == 2.0
-
-
-def test_more_than_one_row_in_a_thousand_that_stands_twice_is_refused(tmp_path):
-    with_times_twice(tmp_path, [700, 800, 900, 1000])
-    with pytest.raises(
-        DataError, match=r"row 702 .* repeats 3\.5 .*; 4 of 3004 rows .* stand twice"
-    ):
-        read_recording(tmp_path / "a.yaml")
 
 
 def test_times_of_too_few_digits_are_refused_with_the_way_out(tmp_path):

@@ -1,0 +1,61 @@
+"""Rows that stand twice: a few are left out, more are refused."""
+
+import numpy as np
+import pytest
+from recorded_rows import write_table
+
+from motorctl.errors import DataError
+from motorctl.log import read_recording
+
+
+def sines(time_s):
+    return {
+        "time_s": time_s,
+        "x.position_m": np.sin(6.0 * time_s),
+        "x.command_v": np.sign(np.cos(6.0 * time_s)),
+    }
+
+
+def with_times_twice(folder, rows):
+    """Write 3000 samples of which these rows have the time of the one before."""
+    table = sines(0.005 * np.arange(3000))
+    table = {name: np.insert(values, rows, values[rows]) for name, values in table.items()}
+    write_table(folder / "a.csv", table)
+    (folder / "a.yaml").write_text(
+        "file: a.csv\ntime: {column: time_s}\naxes:\n  x:\n"
+        "    position: {column: x.position_m, unit: m}\n"
+        "    command: {column: x.command_v, unit: V}\n"
+    )
+
+
+@pytest.mark.parametrize("name", ["a.csv", "a.yaml"])
+@pytest.mark.parametrize(
+    ("rows", "told"),
+    [
+        ([700], "a row that repeats the time of the one before left out, the first: row 702"),
+        ([700, 700, 900], "3 rows that repeat the time of the one before left out, the first: row"),
+    ],
+)
+def test_a_few_rows_that_stand_twice_are_left_out_and_told(tmp_path, name, rows, told):
+    with_times_twice(tmp_path, rows)
+    recording = read_recording(tmp_path / name)
+    time_s = 0.005 * np.arange(3000)
+    np.testing.assert_allclose(recording.time_s, time_s)
+    np.testing.assert_allclose(recording.axes["x"].position, np.sin(6.0 * time_s), atol=1e-9)
+    assert any(note.startswith(told) for note in recording.notes), recording.notes
+
+
+def test_of_two_rows_of_one_time_the_first_is_kept(tmp_path):
+    table = sines(0.005 * np.arange(3000))
+    table = {name: np.insert(values, 700, values[700]) for name, values in table.items()}
+    table["x.command_v"][700:702] = [2.0, 3.0]
+    command = read_recording(write_table(tmp_path / "a.csv", table)).axes["x"].command
+    assert command[700] == 2.0
+
+
+def test_more_than_one_row_in_a_thousand_that_stands_twice_is_refused(tmp_path):
+    with_times_twice(tmp_path, [700, 800, 900, 1000])
+    with pytest.raises(
+        DataError, match=r"row 702 .* repeats 3\.5 .*; 4 of 3004 rows .* stand twice"
+    ):
+        read_recording(tmp_path / "a.yaml")
