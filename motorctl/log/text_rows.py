@@ -116,9 +116,10 @@ class _Columns:
         blanks = self._head.delimiter == BLANKS
         wide = len(self._head.names)
         fits = len(cells) >= self._fewest if blanks else len(cells) == wide
-        if fits and not blanks:
+        remark = not blanks and self._is_text(cells, fits)
+        if fits and not blanks and not remark:
             return True
-        if any(is_number(cell.strip(), self._head.delimiter) for cell in cells):
+        if not remark and any(is_number(cell.strip(), self._head.delimiter) for cell in cells):
             if fits:
                 return True
             raise DataError(
@@ -130,6 +131,20 @@ class _Columns:
             self._rows.first_remark = line, text[:_SHOWN_CHARACTERS]
         self._rows.remarks += 1
         return False
+
+    def _is_text(self, cells: list[str], fits: bool) -> bool:
+        """Return whether a line is a remark, or as wide as rows, with words in all that is read.
+
+        As a header that is written again, or behind a first row.
+        """
+        begin = cells[0].strip()
+        if begin.startswith(COMMENTS) and begin != self._label:
+            return True
+        return fits and all(self._is_word(cells[k].strip()) for k in self._places.values())
+
+    def _is_word(self, cell: str) -> bool:
+        number = is_number(cell, self._head.delimiter) or is_time(cell)
+        return cell[:1].isalpha() and not number
 
     def is_cut(self, line: int, cells: list[str]) -> bool:
         """Return whether the last line ends before its row does; note it where rows precede it."""

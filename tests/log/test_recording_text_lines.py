@@ -37,6 +37,26 @@ def test_lines_of_text_are_left_out_and_the_first_is_told_with_its_line(tmp_path
     )
 
 
+@pytest.mark.parametrize("separator", [",", ";", "\t"])
+@pytest.mark.parametrize("text", ["# t#q#u", "t#q#u", "% 2 kHz, gains 5#3#1", "# off#0.5"])
+def test_a_remark_or_header_among_the_rows_is_left_out_though_it_looks_like_a_row(
+    tmp_path, separator, text
+):
+    """As a recorder writes its header behind a row that it had left from before."""
+    told = text[0] + text[1:].replace("#", separator)
+    lines = lines_of(separator)
+    recording = read(tmp_path, [*lines[:1], told, *lines[1:]], separator)
+    np.testing.assert_allclose(recording.axes["b"].command, [row[2] for row in ROWS])
+    assert recording.notes == (f"a line of text among the rows left out, line 3: '{told}'",)
+
+
+@pytest.mark.parametrize("row", ["t,0.1,0.2", "0.8,q,u", "t,q,0.2", "nan,q,u", "x1,0.1,"])
+def test_a_row_of_which_some_cells_are_words_is_damaged_and_no_text(tmp_path, row):
+    lines = lines_of(",")
+    with pytest.raises(DataError, match=r"line 82: column .* is not a number"):
+        read(tmp_path, [*lines[:80], row, *lines[80:]])
+
+
 @SEPARATED
 @pytest.mark.parametrize(
     ("row", "message"),
