@@ -131,7 +131,9 @@ def _changes_of_speed(velocities: list[Array], period_s: float) -> int:
     return changes
 
 
-def above_noise(data: Measured, signals: Signals, steps: bool = False) -> Signals:
+def above_noise(
+    data: Measured, signals: Signals, steps: bool = False, narrowest_hz: float = NARROWEST_HZ
+) -> Signals:
     """Return the signals in the widest band in which motion outweighs the encoder's noise.
 
     Where that is not the whole one: the noise of the acceleration grows with the fifth power of the
@@ -141,7 +143,7 @@ def above_noise(data: Measured, signals: Signals, steps: bool = False) -> Signal
     band_hz = signals.band_hz
     enough: Signals | None = None
     clearest = 0.0
-    while band_hz >= min(NARROWEST_HZ, signals.band_hz):
+    while band_hz >= min(narrowest_hz, signals.band_hz):
         plain = signals.plain(band_hz)
         left = plain.acceleration()
         noise = noise_sse(plain)

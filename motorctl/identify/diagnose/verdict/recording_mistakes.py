@@ -62,6 +62,9 @@ OF_ITS_SIZE = 0.5
 misses magnitudes that are mostly dry friction, smaller takes any positive column for one: its sign
 alone is then explained. Chosen by hand: a real torque that drives nothing has 0.3, a real
 duty cycle without a sign 0.97."""
+SLOWEST_HZ = 0.5
+"""Narrowest band in which a motion that its noise drowns is asked for its sign [Hz]. Larger calls
+slow sweeps noise whose sign is reversed, smaller leaves no rows. Chosen by hand."""
 DRIVES = 0.9
 """Part of another axis' command that this axis' motion must explain, for the two columns to be
 called exchanged. Larger misses exchanged columns of loaded axes, smaller accuses axes that merely
@@ -154,7 +157,11 @@ def check_explains(
     DataError
         Naming the mistake, or what to record.
     """
-    plain = above_noise(data, signals)
+    try:
+        plain = above_noise(data, signals)
+    except DataError:
+        _check_sign_of_slow(data)
+        raise
     hypothesis, left, total = _declared_in(plain, model)
     if left < EXPLAINS_ENOUGH * total and hypothesis.b[0] > 0.0:
         return hypothesis
@@ -177,11 +184,7 @@ def check_explains(
     if share > MOVED_ENOUGH and not backwards:
         return hypothesis
     if backwards:
-        raise DataError(
-            f"{data.place}: with this command friction would give energy, and inertia be negative "
-            "or too small to be seen: the sign of one of the two is reversed; reverse it in the "
-            "recording"
-        )
+        raise DataError(_reversed(data))
     _check_exchanged(data)
     nothing = left > EXPLAINS_NOTHING * total
     lenient = lenient or bool(others)
@@ -202,6 +205,27 @@ def check_explains(
             plain,
         )
     return hypothesis
+
+
+def _check_sign_of_slow(data: Measured) -> None:
+    """Raise DataError where a motion too slow for its noise shows a reversed sign all the same.
+
+    Asked of the whole recording: what drowns in noise needs every row.
+    """
+    try:
+        _, backwards = moved_by(above_noise(data, make_signals(data), narrowest_hz=SLOWEST_HZ))
+    except DataError:
+        return
+    if backwards:
+        raise DataError(_reversed(data))
+
+
+def _reversed(data: Measured) -> str:
+    return (
+        f"{data.place}: with this command friction would give energy, and inertia be negative "
+        "or too small to be seen: the sign of one of the two is reversed; reverse it in the "
+        "recording"
+    )
 
 
 def _declared_in(plain: Signals, model: EffectList) -> tuple[Hypothesis, float, float]:
