@@ -33,6 +33,11 @@ motion carries, larger refuses short tests. Chosen by hand."""
 SHORTEST_SAMPLES = 100
 """Fewest samples of an axis that are accepted. Smaller leaves filters nothing but their settling,
 larger refuses slow logs. Chosen by hand."""
+SLOWEST_RATE_HZ = 1.0
+"""Sample rate below which no change of an axis' speed is seen: what its inertia asks for lies
+between two rows. Larger refuses slow logs of heavy axes, smaller takes tables of settled speeds for
+recordings. Chosen by hand: those of other hands that tell anything have 8 Hz and more, such a
+table 0.2 Hz."""
 LONGEST_STRETCH = 1 << 19
 """Samples in one piece of a long recording: longer ones are cut. Larger takes more memory, smaller
 loses more rows to settling at cuts. Chosen by hand; 2^19 samples are 105 s at 5 kHz."""
@@ -230,6 +235,13 @@ def check_usable(data: Measured) -> None:
             f"{where}: too short: {length} samples at {data.sample_rate_hz:g} Hz are "
             f"{length / data.sample_rate_hz:.3g} s; at least {SHORTEST_SAMPLES} samples and "
             f"{SHORTEST_S:g} s are needed: record a longer motion{wrong_unit}"
+        )
+    if data.sample_rate_hz < SLOWEST_RATE_HZ:
+        raise DataError(
+            f"{where}: too slow: {data.sample_rate_hz:.3g} Hz, its rows are {data.period_s:.3g} s "
+            "apart, and an axis speeds up and slows down within a part of that; at least "
+            f"{SLOWEST_RATE_HZ:g} Hz is needed, and ten rows in each change of speed: record it at "
+            "a higher rate, or are its times in another unit than is said?"
         )
     for name, column in (("position", data.position), ("command", data.command)):
         bad = ~np.isfinite(column) & rows

@@ -431,9 +431,13 @@ def make_signals(
             "record a larger or faster motion"
         )
     if enough < FEWEST_ROWS:
+        longest = max((rows.stop - rows.start for rows in data.stretches(1)), default=0)
         raise DataError(
             f"{data.place}: no stretch of moving samples reaches {shortest / rate:.3g} s without "
-            "a gap: record a longer motion"
+            f"a gap, the longest lasts {longest / rate:.3g} s: record a longer motion"
+            if longest < shortest
+            else f"{data.place}: {enough} rows below {band:.3g} Hz in stretches without a gap, and "
+            f"at least {FEWEST_ROWS} are needed: record a longer motion, or fewer gaps"
         )
     return Signals(
         data=data,

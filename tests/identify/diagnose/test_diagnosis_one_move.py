@@ -21,6 +21,7 @@ from motorctl.identify.diagnose.recording import diagnose_axis
 from motorctl.identify.diagnose.result import ModelError
 from motorctl.identify.diagnose.search.search import nothing_sought
 from motorctl.identify.diagnose.search.undetermined import without_undetermined
+from motorctl.identify.diagnose.verdict.confidence import DoubtedMember
 from motorctl.identify.diagnose.verdict.recording_mistakes import check_explains
 from motorctl.identify.diagnose.verdict.undetermined_model import why_undetermined
 
@@ -155,6 +156,25 @@ def test_a_load_that_is_carried_all_the_time_is_explained_by_no_model_as_well(
     found = nothing_sought(make_signals(lifted), C1)
     changes = float(np.std(lifted.command))
     error = ModelError("N*m", 1.0, left_over_change * changes, 0.0, 0.0, 20.0, None, None)
-    why = why_undetermined(found, SimpleNamespace(as_twin=False), error, None)
+    why = why_undetermined(found, SimpleNamespace(as_twin=False, verdict="complete"), error, None)
     assert (why is None) == determined
     assert determined or "of what the command changes by" in why
+
+
+@pytest.mark.parametrize(
+    ("family", "share", "determined"),
+    [(None, 0.65, False), (None, 0.95, True), ("timing", 0.65, True)],
+)
+def test_an_effect_too_unsure_to_be_named_determines_a_model_only_where_it_leaves_less_than_none(
+    family, share, determined
+):
+    """One step and a rest leave an error of twice the command, which a doubtful effect lowers."""
+    moved = joint()
+    found = nothing_sought(make_signals(moved), C1)
+    changes = float(np.std(moved.command))
+    error = ModelError("N*m", 3.0, 3.0 * changes, 0.0, 0.0, 2.0 * changes, None, None)
+    doubted = DoubtedMember(family, "backlash", 0.2, share)
+    why = why_undetermined(
+        found, SimpleNamespace(as_twin=False, verdict="complete"), error, doubted
+    )
+    assert (why is None) == determined

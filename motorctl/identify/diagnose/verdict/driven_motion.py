@@ -106,7 +106,25 @@ def too_plain(signals: Signals) -> str | None:
     )
 
 
-def _changes_of_speed(velocities: list[Array], period_s: float) -> int:
+def one_move(signals: Signals) -> str | None:
+    """Return that a motion is one step, and small swings or rest beside it, or None.
+
+    As `too_plain`, but small motion counts as rest: the usual speed is that of the squared speed's
+    half.
+    """
+    velocities = [s.v[:: signals.decimation] for s in signals.stretches]
+    changes = _changes_of_speed(velocities, signals.row_period_s, of_energy=True)
+    if changes >= FEWEST_CHANGES:
+        return None
+    return (
+        f"nearly all of its motion is one move: it speeds up or slows down only {changes} times, "
+        f"and at least {FEWEST_CHANGES} times are needed to tell inertia, friction and what the "
+        "model lacks from each other: record moves there and back at more than one speed and "
+        "acceleration"
+    )
+
+
+def _changes_of_speed(velocities: list[Array], period_s: float, of_energy: bool = False) -> int:
     """Count the changes between rest and motion; a reversal is two.
 
     Of a motion one way, which need not rest, also those between slower and faster: speeds that
@@ -123,6 +141,10 @@ def _changes_of_speed(velocities: list[Array], period_s: float) -> int:
             velocities = speeds
     every = np.abs(np.concatenate(velocities))
     usual = float(np.median(every[every > 0.05 * every.max()]))
+    if of_energy:
+        ordered = np.sort(every)
+        energy = np.cumsum(ordered**2)
+        usual = float(ordered[np.searchsorted(energy, 0.5 * energy[-1])])
     changes = 0
     for v in velocities:
         place = np.where(v > QUICK * usual, 1, np.where(v < -QUICK * usual, -1, 0))

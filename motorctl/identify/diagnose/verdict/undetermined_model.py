@@ -9,6 +9,7 @@ import numpy as np
 from motorctl.identify.diagnose.result import ModelError
 from motorctl.identify.diagnose.search.search import Found
 from motorctl.identify.diagnose.verdict.confidence import DoubtedMember
+from motorctl.identify.diagnose.verdict.driven_motion import one_move
 from motorctl.identify.diagnose.verdict.verdict import Judged
 
 DROWNED = 0.1
@@ -26,9 +27,12 @@ def why_undetermined(
     """Return why no model can be told complete or lacking from a recording, or None.
 
     `doubted` is an effect that is not named and takes most of the error: with it the recording
-    determines a model.
+    determines a model, where its kind is sure or what it leaves is less than no model leaves.
     """
-    return _drowned(found, judged) or (None if doubted else _worse_than_nothing(found, error))
+    if (why := _drowned(found, judged)) or (doubted is not None and doubted.family is not None):
+        return why
+    beside = 1.0 if doubted is None else math.sqrt(1.0 - doubted.share)
+    return _worse_than_nothing(found, error, beside) or _of_one_move(found, judged)
 
 
 def _drowned(found: Found, judged: Judged) -> str | None:
@@ -43,16 +47,17 @@ def _drowned(found: Found, judged: Judged) -> str | None:
     )
 
 
-def _worse_than_nothing(found: Found, error: ModelError) -> str | None:
+def _worse_than_nothing(found: Found, error: ModelError, beside: float) -> str | None:
     """Return why a recording does not determine even the declared parameters, or None.
 
     No model at all is a command that does not change: a load that an axis carries all the time is
-    explained by any model, and by none.
+    explained by any model, and by none. `beside` is the part of the error, rms, that is left beside
+    an effect that is too unsure to be named.
     """
     regressors = found.final.regressors
     rows = found.final.problem.columns[:, regressors.command_column].ravel()
     changes = float(np.std(rows[: regressors.signals.rows]))
-    if error.held_out_after_rms <= min(changes, error.command_rms):
+    if beside * error.held_out_after_rms <= min(changes, error.command_rms):
         return None
     part = 100.0 * error.held_out_after_rms / max(changes, TINY)
     return (
@@ -60,6 +65,12 @@ def _worse_than_nothing(found: Found, error: ModelError) -> str | None:
         "changes by off on the rest, more than no model at all: the motion does not determine its "
         "parameters, or sign, unit or model are not those of this machine"
     )
+
+
+def _of_one_move(found: Found, judged: Judged) -> str | None:
+    """Return why what is left and has no name is that of one move, which tells little, or None."""
+    unnamed = judged.verdict == "unknown_structure" and not found.final.added
+    return one_move(found.final.regressors.signals) if unnamed else None
 
 
 def over_command(found: Found, squared: float) -> float:
