@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 ROOT = Path("/")
+WORKERS = "sys/devices/virtual/workqueue/cpumask"
 LONGEST_SPIN = 0.6
 """Of the period: sleeping the rest keeps clear of the kernel's real-time throttling (95 %)."""
 LATE_ENOUGH = 1e-3
@@ -44,6 +45,7 @@ def kernel_advice(cpu: int, root: Path = ROOT) -> list[str]:
             for name, (text, why) in parameters.items()
             if name not in given
         ]
+        advice += _worker_advice(cpu, others, root)
     else:
         advice.append("a second CPU: with one, everything else competes with the loop")
     governor = _read(root / f"sys/devices/system/cpu/cpu{cpu}/cpufreq/scaling_governor")
@@ -55,6 +57,30 @@ def kernel_advice(cpu: int, root: Path = ROOT) -> list[str]:
     if _read(root / "sys/devices/system/cpu/smt/active") == "1":
         advice.append("SMT off (kernel parameter nosmt): the sibling takes time from the loop")
     return advice
+
+
+def _worker_advice(cpu: int, others: list[int], root: Path) -> list[str]:
+    """Return how to keep the kernel's unbound workers off the CPU, where they may run on it.
+
+    They finish what others wrote to a disk, up to a millisecond at a time, and a kernel without
+    PREEMPT_RT does not put that aside for the loop. An isolated CPU has none.
+    """
+    if not kernel_workers_run_on(cpu, root):
+        return []
+    mask = sum(1 << k for k in others)
+    return [
+        f"no unbound kernel workers there (echo {mask:x} > /{WORKERS}, after each boot; an "
+        "isolated CPU has none): they finish what is written to disks, logs too"
+    ]
+
+
+def kernel_workers_run_on(cpu: int, root: Path = ROOT) -> bool:
+    """Tell whether the kernel may finish its deferred work on this CPU.
+
+    root is where /sys is looked for.
+    """
+    allowed = _read(root / WORKERS).replace(",", "") or "0"
+    return bool(int(allowed, 16) >> cpu & 1)
 
 
 def spin_advice(spin_s: float, period_s: float, late_share: float) -> list[str]:

@@ -126,7 +126,7 @@ def test_what_quiet_spells_differ_in_is_no_fault_of_a_crowd() -> None:
         share(9, BUSY),
     )
     figure = findings_of(Session(apart, told, 2e-4, 0, ()), SocketOptions()).figures[0]
-    assert (figure.value, figure.peer_value) == pytest.approx((0.8, 0.6 + 0.5))
+    assert (figure.value, figure.peer_value) == pytest.approx((0.8, 0.6 + 0.5 * 2**0.5))
     assert figure.met is True
     alike = (share(6), share(6), share(8, CROWD), *apart[4:])
     figure = findings_of(Session(alike, told, 2e-4, 0, ()), SocketOptions()).figures[0]

@@ -183,8 +183,10 @@ def test_advice_names_what_is_missing_for_this_cpu(tmp_path):
         sys__devices__system__cpu__online="0-3",
         sys__devices__system__cpu__cpu3__cpufreq__scaling_governor="powersave",
         sys__devices__system__cpu__smt__active="1",
+        sys__devices__virtual__workqueue__cpumask="f",
     )
     advice = "\n".join(kernel_advice(3, tmp_path))
+    assert "echo 7 > /sys/devices/virtual/workqueue/cpumask" in advice
     assert "isolcpus=managed_irq,domain,3" in advice
     assert "rcu_nocbs=3" in advice
     assert "irqaffinity=0,1,2" in advice
@@ -203,6 +205,7 @@ def test_a_machine_that_is_set_up_gets_no_advice(tmp_path):
         sys__devices__system__cpu__online="0-1",
         sys__devices__system__cpu__cpu1__cpufreq__scaling_governor="performance",
         sys__devices__system__cpu__smt__active="0",
+        sys__devices__virtual__workqueue__cpumask="00000000,00000001",
     )
     assert kernel_advice(1, tmp_path) == []
 

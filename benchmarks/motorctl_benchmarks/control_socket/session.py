@@ -27,6 +27,7 @@ from numpy.typing import NDArray
 
 from motorctl.daemon.client import Client
 from motorctl.errors import MotorctlError, RunError
+from motorctl.latency.advice import kernel_workers_run_on
 from motorctl.latency.progress import Progress
 from motorctl.log import background
 from motorctl.log.folder import stored_logs
@@ -54,8 +55,8 @@ class SocketOptions:
     clients: int = 200
     fuzzed_bytes: int = 10_000_000
     """By all crowds together."""
-    spell_s: float = 20.0
-    rounds: int = 3
+    spell_s: float = 8.0
+    rounds: int = 8
     seed: int = 1
     config: str = CONFIG
 
@@ -89,6 +90,8 @@ class Session:
     """How often a log was made of what was recorded so far."""
     watched: Watched = field(default_factory=Watched)
     """What the scope's viewers were told, of all spells."""
+    beside_kernel_workers: bool = False
+    """Whether the kernel's unbound workers may run on a CPU of the loop."""
 
 
 def run_session(options: SocketOptions, progress: Progress) -> Session:
@@ -106,6 +109,7 @@ def run_session(options: SocketOptions, progress: Progress) -> Session:
         folder.chmod(0o711)  # made-up users have to reach the socket
         with running_daemon(options.config, folder) as (process, client):
             before = client.ask("status")
+            workers = any(map(kernel_workers_run_on, os.sched_getaffinity(before["loop"]["pid"])))
             for axis in before["axes"]:
                 client.ask_when_ready("start", lambda _: None, axis=axis)
             for number in range(len(KINDS) * options.rounds):
@@ -146,7 +150,7 @@ def run_session(options: SocketOptions, progress: Progress) -> Session:
     lost = status["recording"]["rows_lost"]
     period_s = 1.0 / before["loop"]["rate_hz"]
     wrong = tuple(dict.fromkeys(troubles))
-    return Session(spells, told, period_s, lost, wrong, stops_s, logs_made, watched)
+    return Session(spells, told, period_s, lost, wrong, stops_s, logs_made, watched, workers)
 
 
 def _keep_moving(client: Client) -> None:
