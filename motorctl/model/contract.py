@@ -114,6 +114,7 @@ def check_class(cls: type[Effect], who: str) -> None:
     for kernel, arguments in kernels_of(cls).items():
         _check_kernel(cls, kernel, arguments, refuse)
     refuse.asked("trials", lambda: list(cls.trials(ORDINARY)))
+    refuse.asked("trials_beyond", lambda: list(cls.trials_beyond(ORDINARY)))
     typical = refuse.asked("typical", lambda: cls.typical(ORDINARY))
     if not (typical is None or isinstance(typical, cls)):
         raise refuse("typical", f"returns {typical!r}; expected a form of the effect, or None")

@@ -116,6 +116,22 @@ class Sought(ABC):
         """
         return (cast("Effect", cls()),)
 
+    @classmethod
+    def trials_beyond(cls, spans: Spans) -> Sequence[Effect]:
+        """Return what is tried as well where the last of `trials` is the best of them.
+
+        Parameters
+        ----------
+        spans
+            What the recording spans.
+
+        Returns
+        -------
+        sequence of Effect
+            In the order of the nonlinear option, on from the last of `trials`; usually empty.
+        """
+        return ()
+
     def steps(self, spans: Spans) -> Mapping[str, float]:
         """Return the options that diagnosis refines.
 

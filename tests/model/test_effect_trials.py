@@ -206,6 +206,19 @@ def test_lags_that_the_sampling_cannot_show_are_not_tried():
     assert max(times) == pytest.approx(20 * 0.01)
 
 
+def test_the_delays_of_slow_links_follow_on_those_that_are_tried_first():
+    delay = known_effects()["input_delay"]
+    fast = Spans(**{**vars(GANTRY), "period_s": 2e-4})
+    first, beyond = (
+        [e.options.time_s for e in tried(fast)] for tried in (delay.trials, delay.trials_beyond)
+    )
+    assert max(first) < min(beyond) < 1.5 * max(first)
+    assert max(beyond) == pytest.approx(min(0.25, fast.duration_s / 10.0))
+    assert beyond == sorted(beyond)
+    brief = Spans(**{**vars(GANTRY), "time_s": (0.0, 0.04)})
+    assert not delay.trials_beyond(brief)
+
+
 def test_no_other_axis_means_no_coupling_to_try():
     assert list(known_effects()["cross_axis"].trials(ROTARY)) == []
     (coupled,) = known_effects()["cross_axis"].trials(GANTRY)

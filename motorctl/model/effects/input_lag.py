@@ -9,7 +9,7 @@ from pydantic import Field
 from motorctl.model.effect import Effect, EffectOptions
 from motorctl.model.grids import log_step
 from motorctl.model.knowledge import Picture, Spans
-from motorctl.model.latency import PER_DECADE, trial_times
+from motorctl.model.latency import PER_DECADE, longer_trial_times, trial_times
 from motorctl.model.parameter import Parameter
 
 
@@ -59,6 +59,11 @@ class InputLag(Effect):
     def trials(cls, spans: Spans) -> Sequence[Effect]:
         """Return times from a fraction of a sample to tens of them."""
         return [cls(InputLagOptions(time_s=time)) for time in trial_times(spans)]
+
+    @classmethod
+    def trials_beyond(cls, spans: Spans) -> Sequence[Effect]:
+        """Return what slow filters take."""
+        return [cls(InputLagOptions(time_s=time)) for time in longer_trial_times(spans)]
 
     def steps(self, spans: Spans) -> Mapping[str, float]:
         """Refine the time."""

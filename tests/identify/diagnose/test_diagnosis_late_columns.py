@@ -63,7 +63,8 @@ def test_a_position_that_the_log_repeats_is_no_lag_of_the_machine(run):
 @pytest.mark.parametrize("name", ["input_delay", "input_lag"])
 def test_a_lateness_at_the_end_of_what_is_tried_is_another_one(run, name):
     spans = spans_of(make_signals(run))
-    tried = effect_class(name).trials(spans)
+    cls = effect_class(name)
+    tried = [*cls.trials(spans), *cls.trials_beyond(spans)]
     longest = max(effect.options.time_s for effect in tried)
     assert not at_bound(make_effect(effect_class(name), {"time_s": longest}), spans)
     assert at_bound(make_effect(effect_class(name), {"time_s": 1.5 * longest}), spans)

@@ -156,9 +156,13 @@ def best_form(
         forms = cls.trials(spans)
     if "wave_of_measurement" in cls.groups:
         forms = [*forms, *_lines(hypothesis, cls, spans)]
-    measured = (measure(hypothesis, with_sign(form, sign), scan=True) for form in forms)
-    found = [form for form in measured if form is not None]
+    scanned = [measure(hypothesis, with_sign(form, sign), scan=True) for form in forms]
+    found = [form for form in scanned if form is not None]
     best = min(found, key=lambda form: form.sse, default=None)
+    if best is not None and best is scanned[-1]:
+        beyond = (measure(hypothesis, form, scan=True) for form in cls.trials_beyond(spans))
+        found += [form for form in beyond if form is not None]
+        best = min(found, key=lambda form: form.sse)
     if best is not None and not best.effect.steps(spans):
         best = _richest(hypothesis, best, spans)
     if best is not None and cls.valleys_along:

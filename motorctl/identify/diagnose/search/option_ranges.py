@@ -47,7 +47,7 @@ def _tried(
     cls: type[Effect], names: tuple[str, ...], spans: Spans
 ) -> tuple[tuple[float, float], ...]:
     """Return the range of sizes by the forms that are tried; without end where they show none."""
-    forms = cls.trials(spans)
+    forms = [*cls.trials(spans), *cls.trials_beyond(spans)]
     bounds = []
     for name in names:
         values = [float(getattr(form.options, name)) for form in forms]
