@@ -18,8 +18,10 @@ from motorctl.identify.diagnose.search.option_ranges import (
     ends_reached,
     option_bounds,
 )
-from motorctl.identify.diagnose.search.refutation import without_refuted
+from motorctl.identify.diagnose.search.refutation import refuted_part, without_refuted
 from motorctl.identify.diagnose.search.search import Found, rival_gains, whitened
+from motorctl.identify.diagnose.verdict.errors import split_rows
+from motorctl.identify.diagnose.verdict.standing import standing
 from motorctl.model import effect_class, known_effects, make_effect
 
 pytestmark = pytest.mark.slow
@@ -77,6 +79,19 @@ def test_a_wave_too_long_for_the_travel_is_refuted_once_all_stands(signals):
     kept, why = without_refuted(outcome(signals, wave))
     assert not kept.final.added
     assert why[0].startswith("cogging is refuted: its pitch_m comes to")
+
+
+def test_a_model_is_not_complete_where_what_was_refuted_took_much_of_what_is_left(signals):
+    wave = make_effect(effect_class("cogging"), {"pitch_m": 0.4 * spans_of(signals).travel_m})
+    (kept, _), whole = without_refuted(outcome(signals, wave)), outcome(signals)
+    split = split_rows(whole.final, {})
+    assert (
+        standing(whole, split).judged.verdict == standing(kept, split).judged.verdict == "complete"
+    )
+    assert abs(refuted_part(kept)) < 0.1
+    much = replace(whole, refuted_left=0.5)
+    assert refuted_part(much) == 0.5
+    assert standing(much, split).judged.verdict == "unknown_structure"
 
 
 def test_a_stop_that_begins_far_from_the_end_is_refuted_wherever_zero_is(signals):

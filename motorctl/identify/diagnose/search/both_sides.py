@@ -82,7 +82,7 @@ def searched(
     explained = explained_share(without_refuted(again)[0])
     if explained < explained_share(found) - LOSES:
         return found
-    return replace(again, refuted=why)
+    return replace(again, refuted=why, refuted_left=stands.refuted_left)
 
 
 def both_ways(

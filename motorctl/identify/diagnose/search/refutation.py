@@ -8,6 +8,7 @@ recorded one than that of the declared model. Such an effect is taken out, and i
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -99,7 +100,8 @@ def without_refuted(found: Found, held_out: Rows | None = None) -> tuple[Found, 
         final = final.without(effect.name).refreshed()
     if final is found.final:
         return found, ()
-    return with_final(found, final), tuple(notes)
+    left = found.refuted_left * found.final.held_out / max(final.held_out, 1e-300)
+    return replace(with_final(found, final), refuted_left=left), tuple(notes)
 
 
 def at_its_end(final: Hypothesis, spans: Spans) -> tuple[Effect, str] | None:
@@ -230,19 +232,33 @@ def _blamed(final: Hypothesis, is_cured: Callable[[Hypothesis], bool]) -> Effect
     return min(cured, key=lambda each: each[1].held_out)[0] if cured else None
 
 
+def refuted_part(found: Found) -> float:
+    """Return the part of what is left that all took away which was refuted, 0 to 1."""
+    _, left = _led_at_its_end(found) or (None, 1.0)
+    return 1.0 - found.refuted_left * left
+
+
 def led_at_its_end(found: Found) -> tuple[str, ...]:
     """Return what would have been taken next, had not an option of it come to an end."""
-    last = next(iter(found.steps[-1:]), None)
-    if last is None or last.taken is not None or last.ended is None:
+    led = _led_at_its_end(found)
+    if led is None:
         return ()
     data = found.final.regressors.signals.data
-    effect = last.ended.effect
-    part = 100.0 * (1.0 - last.ended.held_out / last.before.held_out)
+    effect, left = led
+    part = 100.0 * (1.0 - left)
     told = next(r.told(data) for r in ends_reached(effect, found.spans) if r.refutes)
     return (
         f"{effect.name} would take {part:.0f} % of the squared error that is left, but is refuted: "
         f"{told}",
     )
+
+
+def _led_at_its_end(found: Found) -> tuple[Effect, float] | None:
+    """Return that effect, and what part of the squared residual it leaves."""
+    last = next(iter(found.steps[-1:]), None)
+    if last is None or last.taken is not None or last.ended is None:
+        return None
+    return last.ended.effect, last.ended.held_out / last.before.held_out
 
 
 def _yardstick(found: Found, known: Sequence[InertiaRange]) -> tuple[Hypothesis, str]:

@@ -135,6 +135,8 @@ class Found:
     """What smooth functions take away of the squared residual that the final model leaves."""
     refuted: tuple[str, ...] = ()
     """Why effects were refuted that an earlier search found."""
+    refuted_left: float = 1.0
+    """Part of the squared residual that refuted effects left of what is left without them."""
     across: Step | None = None
     """The first round with the acceleration on the left, of a search with the command there: it
     tried effects of the input, too."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 
-from motorctl.identify.diagnose.search.refutation import without_refuted
+from motorctl.identify.diagnose.search.refutation import refuted_part, without_refuted
 from motorctl.identify.diagnose.search.search import Found, declared_alone, rival_gains
 from motorctl.identify.diagnose.verdict.clean_twin import clean_twin, no_further_than_twin
 from motorctl.identify.diagnose.verdict.confidence import TOLD, Support, confidence, support_of
@@ -72,12 +72,9 @@ def standing(found: Found, split: Split, too_plain: bool = False) -> Standing:
     refuted: tuple[str, ...] = ()
     doubted: dict[str, Evidence] = {}
     unkept: dict[str, Evidence] = {}
-    took = 1.0
     while True:
-        before = found.final.held_out
         found, reasons = without_refuted(found, split.held_out)
         refuted += reasons
-        took *= before / found.final.held_out if reasons else 1.0
         judged = _beside_twin(found, judge(found))
         if too_plain:
             judged = replace(judged, verdict="complete", kept=(), rival=None)
@@ -96,7 +93,7 @@ def standing(found: Found, split: Split, too_plain: bool = False) -> Standing:
         rest = _reduced(found, weak)
         rest, reasons = without_refuted(rest, split.held_out) if dropped else (rest, ())
         if not weak and not reasons:
-            if 1.0 - took > REFUTED_TAKES and not too_plain:
+            if refuted_part(found) > REFUTED_TAKES and not too_plain:
                 judged = _not_complete(judged)
             return Standing(found, judged, supports, refuted, doubted, unkept)
         doubted |= weak
