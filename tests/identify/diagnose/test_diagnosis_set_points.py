@@ -82,6 +82,30 @@ def test_a_declared_spring_may_follow_its_command(run):
     assert check_no_set_point(signals, EffectList([*C1.effects, spring])) is None
 
 
+def held_softly(run: Measured, factor: float, friction: float, weight: float) -> Measured:
+    """Return a recording with what a loop without an integral was sent to as its command.
+
+    It stands off by friction and weight, here over the spread of the position.
+    """
+    sent = sent_to(run, 0, 4.0)
+    velocity = np.gradient(sent.command, run.period_s)
+    stands_off = friction * np.tanh(velocity / 1e-2) + weight
+    return replace(sent, command=factor * sent.command + stands_off * np.std(run.position))
+
+
+@pytest.mark.parametrize(("factor", "friction", "weight"), [(1.04, 0.08, 0.33), (0.95, 0.12, -1.5)])
+def test_a_place_that_a_soft_loop_was_sent_to_is_neither_weight_nor_spring(
+    run, factor, friction, weight
+):
+    with pytest.raises(DataError, match="it is the position that the axis was sent to") as told:
+        diagnose_axis(held_softly(run, factor, friction, weight), C1)
+    assert "without any dry friction" not in str(told.value)
+
+
+def test_much_friction_beside_a_place_is_a_machine_with_a_spring(run):
+    assert check_no_set_point(make_signals(held_softly(run, 1.0, 0.6, 0.0)), C1) is None
+
+
 def waves(run: Measured, place: float, damping: float, inertia: float, *turns: float) -> Measured:
     """Return a recording of sines, rad/s, with a command that motion makes without any friction."""
     t, sines = run.time_s, np.array(turns)[:, None]
