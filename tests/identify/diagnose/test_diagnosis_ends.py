@@ -18,7 +18,7 @@ from motorctl.identify.diagnose.search.option_ranges import (
     ends_reached,
     option_bounds,
 )
-from motorctl.identify.diagnose.search.refutation import refuted_part, without_refuted
+from motorctl.identify.diagnose.search.refutation import without_refuted
 from motorctl.identify.diagnose.search.search import Found, rival_gains, whitened
 from motorctl.identify.diagnose.verdict.errors import split_rows
 from motorctl.identify.diagnose.verdict.standing import standing
@@ -81,16 +81,18 @@ def test_a_wave_too_long_for_the_travel_is_refuted_once_all_stands(signals):
     assert why[0].startswith("cogging is refuted: its pitch_m comes to")
 
 
-def test_a_model_is_not_complete_where_what_was_refuted_took_much_of_what_is_left(signals):
-    wave = make_effect(effect_class("cogging"), {"pitch_m": 0.4 * spans_of(signals).travel_m})
-    (kept, _), whole = without_refuted(outcome(signals, wave)), outcome(signals)
+def test_a_model_is_not_complete_where_what_was_refuted_took_much_of_what_is_left():
+    data = PLANT.run(seed=4, duration_s=8.0)
+    noise_m = np.random.default_rng(4).normal(0.0, 6e-6, len(data.position))
+    noisy = make_signals(replace(data, position=data.position + noise_m), slope_s_m=900.0)
+    whole = outcome(noisy)
     split = split_rows(whole.final, {})
-    assert (
-        standing(whole, split).judged.verdict == standing(kept, split).judged.verdict == "complete"
-    )
-    assert abs(refuted_part(kept)) < 0.1
+    assert standing(whole, split).judged.verdict == "complete"
+    wave = make_effect(effect_class("cogging"), {"pitch_m": 0.4 * spans_of(noisy).travel_m})
+    kept, _ = without_refuted(outcome(noisy, wave))
+    assert kept.refuted_left == pytest.approx(1.0, abs=0.1)
+    assert standing(kept, split).judged.verdict == "complete"
     much = replace(whole, refuted_left=0.5)
-    assert refuted_part(much) == 0.5
     assert standing(much, split).judged.verdict == "unknown_structure"
 
 

@@ -12,6 +12,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from fit_plant import C1
+from other_plant import OtherPlant
 
 from motorctl.errors import DataError
 from motorctl.identify.columns.measured import Measured
@@ -178,3 +179,21 @@ def test_an_effect_too_unsure_to_be_named_determines_a_model_only_where_it_leave
         found, SimpleNamespace(as_twin=False, verdict="complete"), error, doubted
     )
     assert (why is None) == determined
+
+
+def test_what_depends_on_the_place_of_an_axis_that_never_turns_round_may_depend_on_time():
+    data = OtherPlant(width_m_s=2e-3).run(seed=3, duration_s=20.0)
+    t = data.time_s
+    v = 0.3 + 0.15 * np.sin(2.0 * np.pi * 0.7 * t) + 0.09 * np.sin(2.0 * np.pi * 1.9 * t + 1.0)
+    x = np.cumsum(v) * data.period_s
+    high, low = (np.exp(-(((x / x[-1] - at) / 0.017) ** 2)) for at in (0.55, 0.25))
+    bumps = high - 0.7 * low
+    command = 0.3 * np.gradient(v, data.period_s) + 2.0 * v + 0.3 + bumps
+    noise_v = np.random.default_rng(1).normal(0.0, 0.01, len(t))
+    counted = np.round(x / 5e-7) * 5e-7
+    one_way = replace(data, position=counted, command=command + noise_v, reference=None)
+    axis = diagnose_axis(one_way, C1)
+    assert axis.verdict == "unknown_structure"
+    assert not axis.effects
+    assert "depends on position or time, which are not told apart as the axis" in axis.sentence
+    assert axis.unknown.compensation is None

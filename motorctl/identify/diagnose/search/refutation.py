@@ -232,33 +232,19 @@ def _blamed(final: Hypothesis, is_cured: Callable[[Hypothesis], bool]) -> Effect
     return min(cured, key=lambda each: each[1].held_out)[0] if cured else None
 
 
-def refuted_part(found: Found) -> float:
-    """Return the part of what is left that all took away which was refuted, 0 to 1."""
-    _, left = _led_at_its_end(found) or (None, 1.0)
-    return 1.0 - found.refuted_left * left
-
-
 def led_at_its_end(found: Found) -> tuple[str, ...]:
     """Return what would have been taken next, had not an option of it come to an end."""
-    led = _led_at_its_end(found)
-    if led is None:
+    last = next(iter(found.steps[-1:]), None)
+    if last is None or last.taken is not None or last.ended is None:
         return ()
     data = found.final.regressors.signals.data
-    effect, left = led
-    part = 100.0 * (1.0 - left)
+    effect = last.ended.effect
+    part = 100.0 * (1.0 - last.ended.held_out / last.before.held_out)
     told = next(r.told(data) for r in ends_reached(effect, found.spans) if r.refutes)
     return (
         f"{effect.name} would take {part:.0f} % of the squared error that is left, but is refuted: "
         f"{told}",
     )
-
-
-def _led_at_its_end(found: Found) -> tuple[Effect, float] | None:
-    """Return that effect, and what part of the squared residual it leaves."""
-    last = next(iter(found.steps[-1:]), None)
-    if last is None or last.taken is not None or last.ended is None:
-        return None
-    return last.ended.effect, last.ended.held_out / last.before.held_out
 
 
 def _yardstick(found: Found, known: Sequence[InertiaRange]) -> tuple[Hypothesis, str]:

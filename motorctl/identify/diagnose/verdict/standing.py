@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 
-from motorctl.identify.diagnose.search.refutation import refuted_part, without_refuted
+from motorctl.identify.diagnose.search.refutation import without_refuted
 from motorctl.identify.diagnose.search.search import Found, declared_alone, rival_gains
 from motorctl.identify.diagnose.verdict.clean_twin import clean_twin, no_further_than_twin
 from motorctl.identify.diagnose.verdict.confidence import TOLD, Support, confidence, support_of
@@ -13,7 +13,7 @@ from motorctl.identify.diagnose.verdict.encoder_alone import encoder_alone
 from motorctl.identify.diagnose.verdict.errors import Split, alternatives
 from motorctl.identify.diagnose.verdict.evidence import Evidence, evidence_of
 from motorctl.identify.diagnose.verdict.undetermined_model import over_command
-from motorctl.identify.diagnose.verdict.verdict import Judged, judge, leftover
+from motorctl.identify.diagnose.verdict.verdict import FAINT, Judged, judge, leftover
 
 NOISY = 0.008
 """Noise of the measurement over the command, both rms, from which a clean twin is asked: with less
@@ -93,20 +93,21 @@ def standing(found: Found, split: Split, too_plain: bool = False) -> Standing:
         rest = _reduced(found, weak)
         rest, reasons = without_refuted(rest, split.held_out) if dropped else (rest, ())
         if not weak and not reasons:
-            if refuted_part(found) > REFUTED_TAKES and not too_plain:
-                judged = _not_complete(judged)
+            if not too_plain:
+                judged = _incomplete(found, judged)
             return Standing(found, judged, supports, refuted, doubted, unkept)
         doubted |= weak
         refuted += reasons
         found = replace(rest, rival_gains=rival_gains(rest.final))
 
 
-def _not_complete(judged: Judged) -> Judged:
+def _incomplete(found: Found, judged: Judged) -> Judged:
     """Return the verdict where refuted effects took much of what is left.
 
     What a clean twin leaves as well, or drives and bearings make, is still the machine's own noise.
     """
-    if judged.verdict != "complete" or judged.as_twin or judged.faint:
+    own = judged.as_twin or judged.faint or over_command(found, found.final.held_out) < FAINT
+    if judged.verdict != "complete" or own or 1.0 - found.refuted_left < REFUTED_TAKES:
         return judged
     return replace(judged, verdict="unknown_structure")
 

@@ -16,6 +16,9 @@ DROWNED = 0.1
 """Part of the command that may be left where a clean twin leaves as much: beyond it the measurement
 shows too little of any model. Larger calls poor recordings complete, smaller asks too much of
 coarse encoders. Chosen by hand."""
+MOSTLY_NOISE = 0.5
+"""Part of the squared error that noise alone makes, from which it is told as the cause. Larger
+blames the model for a coarse encoder, smaller the encoder for a poor model. Arithmetic: most."""
 TINY = 1e-300
 """Least command that anything is divided by. Any other would do that is below every command and
 above zero. Convention."""
@@ -60,10 +63,18 @@ def _worse_than_nothing(found: Found, error: ModelError, beside: float) -> str |
     if beside * error.held_out_after_rms <= min(changes, error.command_rms):
         return None
     part = 100.0 * error.held_out_after_rms / max(changes, TINY)
+    noise = 100.0 * error.noise_floor_rms / max(changes, TINY)
+    why = (
+        f"noise of the measured position alone makes {noise:.0f} % of it: a finer encoder, or a "
+        "quicker motion, would show more"
+        if error.noise_floor_rms**2 > MOSTLY_NOISE * error.held_out_after_rms**2
+        else "the motion does not determine its parameters, or sign, unit or model are not those "
+        "of this machine"
+    )
     return (
-        f"fitted to one part of the recording, the model is {part:.0f} % of what the command "
-        "changes by off on the rest, more than no model at all: the motion does not determine its "
-        "parameters, or sign, unit or model are not those of this machine"
+        f"fitted to one part of the recording, up to {regressors.signals.band_hz:.3g} Hz, the "
+        f"model is {part:.0f} % of what the command changes by off on the rest, more than no model "
+        f"at all: {why}"
     )
 
 

@@ -23,12 +23,16 @@ FAMILY_SHARE = 0.5
 """Part of the explainable error that a smooth function must take for the kind of physics to be
 told. Larger tells it less often, smaller tells wrong ones. Chosen by hand: more than all else."""
 
+_PLACE = ("position",)
+
 
 def compensation(found: Found, judged: Judged) -> Compensation | None:
     """Offer a spline in the variables that unknown structure depends on, where one can be used."""
     if judged.verdict != "unknown_structure" or judged.rival is None:
         return None
     variables = depends_on(judged.rival)
+    if variables == _PLACE and found.spans.one_way:  # it may be time as well
+        return None
     every = found.final.regressors.catalogue.values()
     forms = (cls.smooth_function(variables, found.spans) for cls in every)
     effect = next((form for form in forms if form is not None), None)
@@ -78,8 +82,11 @@ def unknown_structure(
         )
     elif variables:
         kind = "no known effect" if family is None else f"no known {family.replace('_', ' ')}"
+        either = ""
+        if variables == _PLACE and found.spans.one_way:
+            either = " or time, which are not told apart as the axis never turns round"
         sentence = (
-            f"the residual depends on {' and '.join(variables)}: a smooth function of "
+            f"the residual depends on {' and '.join(variables)}{either}: a smooth function of "
             f"{'it' if len(variables) == 1 else 'them'} explains {100 * share:.0f} % of the "
             "explainable error, and "
             + (f"{kind} has this form" if kin is None else _unsure(kin, family is None))
