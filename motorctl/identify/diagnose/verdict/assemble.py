@@ -171,7 +171,7 @@ def assemble(
     whole = whole_model(found, by_reference or found.final)
     kin = None if effects else doubted_most
     left = 100.0 * over_command(found, found.final.held_out)
-    within = f" to within {left:.1f} % of the command" if judged.faint else ""
+    within = f" to within {left:.1f} % of the command" if judged.faint or judged.as_twin else ""
     unknown = None
     if verdict == "unknown_structure":
         unknown = unknown_structure(judged, found, extra, values, kin, impossible)
