@@ -22,7 +22,9 @@ from motorctl.model.knowledge import Family
 FAMILY_SHARE = 0.5
 """Part of the explainable error that a smooth function must take for the kind of physics to be
 told. Larger tells it less often, smaller tells wrong ones. Chosen by hand: more than all else."""
-
+MOST_TIMES = 1000.0
+"""Power over that of the noise, beyond which no number is told. Larger tells millions of columns
+that were smoothed before, smaller hides what a fine encoder shows. Convention."""
 _PLACE = ("position",)
 
 
@@ -89,7 +91,7 @@ def unknown_structure(
             f"the residual depends on {' and '.join(variables)}{either}: a smooth function of "
             f"{'it' if len(variables) == 1 else 'them'} explains {100 * share:.0f} % of the "
             "explainable error, and "
-            + (f"{kind} has this form" if kin is None else _unsure(kin, family is None))
+            + (f"{kind} surely has this form" if kin is None else _unsure(kin, family is None))
         )
     elif kin is not None:
         sentence = _unsure(kin, True)
@@ -111,7 +113,7 @@ def unknown_structure(
         sentence = "the residual is more than noise, and no smooth function explains it"
     else:
         sentence = (
-            f"the residual has {judged.coloured:.0f} times the power of the noise below "
+            f"the residual has {_times(judged.coloured)} times the power of the noise below "
             f"{low_hz(found):.3g} Hz (limit {COLOURED:g}), and no function of position, velocity "
             "or command explains it"
         )
@@ -120,6 +122,11 @@ def unknown_structure(
         return UnknownStructure(variables, sentence, None, family, nothing, nothing, share)
     theta, std_error = theta_of(values, extra[0])
     return UnknownStructure(variables, sentence, extra[0], family, theta, std_error, share)
+
+
+def _times(ratio: float) -> str:
+    """Return how often, where it can mean that: the noise of a smoothed column is no measure."""
+    return f"over {MOST_TIMES:,.0f}" if ratio > MOST_TIMES else f"{ratio:.0f}"
 
 
 def _unsure(kin: DoubtedMember, kind_too: bool) -> str:
