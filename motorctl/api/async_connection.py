@@ -198,6 +198,10 @@ class AsyncConnection:
         """As `Connection.reset`."""
         return await self.carry_out(orders.reset(axis, on_wait))
 
+    async def reset_all(self, *, on_wait: OnWait | None = None) -> tuple[Reset, ...]:
+        """As `Connection.reset_all`."""
+        return await self.carry_out(orders.reset_all(on_wait))
+
     async def estop(self) -> tuple[str, ...]:
         """As `Connection.estop`."""
         return await self.carry_out(orders.estop())

@@ -157,6 +157,10 @@ class Connection(Client):
         """Clear an axis' fault once its cause is gone; a lost driver is opened anew."""
         return self.carry_out(orders.reset(axis, on_wait))
 
+    def reset_all(self, *, on_wait: OnWait | None = None) -> tuple[Reset, ...]:
+        """Clear the fault of every axis that has one; returns what was done to each."""
+        return self.carry_out(orders.reset_all(on_wait))
+
     def estop(self) -> tuple[str, ...]:
         """Zero and disable every axis at once and return their names; each is in fault then."""
         return self.carry_out(orders.estop())

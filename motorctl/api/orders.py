@@ -182,6 +182,21 @@ def reset(axis: str, on_wait: OnWait | None) -> Conversation[Reset]:
     return Reset(axis, answer["homed"], answer.get("opened"), cleared)
 
 
+def reset_all(on_wait: OnWait | None) -> Conversation[tuple[Reset, ...]]:
+    """Clear the fault of every axis that has one; what is refused is told once all were asked."""
+    axes = (yield Ask("status"))["axes"]
+    failures: list[MotorctlError] = []
+    done = []
+    for axis in (name for name, told in axes.items() if told["state"] == "fault"):
+        try:
+            done.append((yield from reset(axis, on_wait)))
+        except DaemonRefusedError as no:
+            failures.append(no)
+    if failures:
+        raise failures[0]
+    return tuple(done)
+
+
 def estop() -> Conversation[tuple[str, ...]]:
     """Zero and disable every axis at once."""
     return tuple((yield Ask("estop"))["axes"])

@@ -13,12 +13,18 @@ from motorctl.cli.socket_option import SocketOption
 from motorctl.printable import one_line
 
 if TYPE_CHECKING:
-    from motorctl.api.orders import Motion
+    from motorctl.api.orders import Motion, Reset
     from motorctl.axis_units import PositionUnit
     from motorctl.cli.lengths import Target
 
 AxisArgument = Annotated[
     str, typer.Argument(metavar="AXIS", help="Name of the axis.", autocompletion=axes)
+]
+OptionalAxis = Annotated[
+    str | None,
+    typer.Argument(
+        metavar="AXIS", help="Name of the axis.", show_default=False, autocompletion=axes
+    ),
 ]
 WaitOption = Annotated[bool, typer.Option("--wait", help="Return when the motion is at its end.")]
 
@@ -54,12 +60,7 @@ def start(
 
 
 def stop(
-    axis: Annotated[
-        str | None,
-        typer.Argument(
-            metavar="AXIS", help="Name of the axis.", show_default=False, autocompletion=axes
-        ),
-    ] = None,
+    axis: OptionalAxis = None,
     every: Annotated[bool, typer.Option("--all", help="Every axis that is enabled.")] = False,
     socket: SocketOption = None,
 ) -> None:
@@ -187,7 +188,11 @@ def program(
             machine.wait(axis)
 
 
-def reset(axis: AxisArgument, socket: SocketOption = None) -> None:
+def reset(
+    axis: OptionalAxis = None,
+    every: Annotated[bool, typer.Option("--all", help="Every axis in fault.")] = False,
+    socket: SocketOption = None,
+) -> None:
     """Clear an axis' fault once its cause is gone.
 
     A drive that keeps its own fault is asked to forget it. A driver that lost its bus or port, or
@@ -196,12 +201,26 @@ def reset(axis: AxisArgument, socket: SocketOption = None) -> None:
     Example: motorctl reset x
     """
     from motorctl import connect
+    from motorctl.errors import UsageError
 
+    if every == (axis is not None):
+        raise UsageError("reset needs the name of an axis, or --all")
     with connect(socket) as machine:
-        done = machine.reset(axis, on_wait=_tell_wait)
-    home = "" if done.homed else f"; `motorctl home {axis}` comes next"
+        if axis is not None:
+            _tell_reset(machine.reset(axis, on_wait=_tell_wait))
+            return
+        done = machine.reset_all(on_wait=_tell_wait)
+    for each in done:
+        _tell_reset(each)
+    if not done:
+        say("no axis was in fault")
+
+
+def _tell_reset(done: Reset) -> None:
+    home = "" if done.homed else f"; `motorctl home {done.axis}` comes next"
     cleared = "off; the fault of its drive was cleared" if done.cleared else "off"
-    _say(axis, f"off; driver {done.opened} was opened anew{home}" if done.opened else cleared)
+    opened = f"off; driver {done.opened} was opened anew{home}"
+    _say(done.axis, opened if done.opened else cleared)
 
 
 def estop(socket: SocketOption = None) -> None:

@@ -106,6 +106,16 @@ def test_stop_all_ramps_every_enabled_axis_down(idle: Daemon) -> None:
     assert idle.cli("stop").returncode == 2
 
 
+def test_reset_all_clears_the_fault_of_every_axis_that_has_one(idle: Daemon) -> None:
+    assert idle.cli("reset", "--all").stdout == "no axis was in fault\n"
+    idle.ask("estop")
+    done = idle.cli("reset", "--all")
+    assert (done.returncode, done.stdout) == (0, "axis x: off\naxis y: off\n"), done.stderr
+    assert (idle.state("x"), idle.state("y")) == ("off", "off")
+    assert idle.cli("reset").returncode == 2
+    assert idle.cli("reset", "x", "--all").returncode == 2
+
+
 @pytest.mark.parametrize(
     ("arguments", "named"),
     [
