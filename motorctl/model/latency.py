@@ -12,8 +12,8 @@ by hand: each is about a third longer than the last."""
 LONGEST_LINK_S = 0.25
 """The longest lag or delay that is sought [s] of a recording of many samples a second: what links
 over USB, radio or a busy computer take, and filters. More takes time and lets a delay stand for
-what repeats; less misses them, or calls a long lag a delay. Seen on recordings of others: 30 to
-130 ms at 200 to 1000 samples a second."""
+what repeats; less misses them, or calls a long lag a delay. Chosen by hand: recordings of others
+have 30 to 130 ms at 200 to 1000 samples a second."""
 
 
 def trial_times(spans: Spans) -> list[float]:
