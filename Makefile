@@ -7,7 +7,7 @@ STAMP := $(VENV)/.installed
 # Tests start hundreds of interpreters: without bytecode each would compile every source again.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo test test-slow test-long vm arm campaign docs lint setup clean
+.PHONY: demo test test-slow test-long vm arm campaign docs lint lint-types lint-rest setup clean
 
 setup: $(STAMP)
 
@@ -54,10 +54,16 @@ docs: $(STAMP)
 	$(BIN)/sphinx-build --fail-on-warning --keep-going --quiet --fresh-env --write-all -d out/site-cache docs out/site
 	@echo "out/site/index.html"
 
+# The types take as long as all the rest: beside it.
 lint: $(STAMP)
+	@$(MAKE) --no-print-directory --jobs 2 --output-sync=target lint-types lint-rest
+
+lint-types: $(STAMP)
+	$(BIN)/mypy
+
+lint-rest: $(STAMP)
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
-	$(BIN)/mypy
 	$(BIN)/lint-imports
 	$(BIN)/python tools/effects_quoted.py
 	$(BIN)/python tools/constants_told.py
