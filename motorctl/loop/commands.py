@@ -12,6 +12,7 @@ from motorctl.loop.guards.encoder import begin_watching, trembles
 from motorctl.loop.guards.motion import is_too_fast, set_soft_limits
 from motorctl.loop.guards.reactions import emergency_stop, stop
 from motorctl.loop.guards.readiness import check_readiness, has_power, is_unwell
+from motorctl.loop.guards.supervision import still_overruns
 from motorctl.loop.homing import begin_homing
 from motorctl.loop.layout import MAILBOX_SIZE
 from motorctl.loop.reference import hold_where_it_is
@@ -60,13 +61,15 @@ def take_commands(
             if command.verb == Verb.EXCITE:
                 answer = begin_excitation(axes[i], excitations[i])
             else:
-                answer = _obey(command, settings[i], axes[i], laws[i], segments[i], tick)
+                answer = _obey(command, watch, settings[i], axes[i], laws[i], segments[i], tick)
         replies[number % MAILBOX_SIZE] = answer
     status[0].mail_taken = last
 
 
 @inner_kernel
-def _obey(command: Any, settings: Any, axis: Any, law: Any, segments: Any, tick: int) -> Reply:
+def _obey(
+    command: Any, watch: Any, settings: Any, axis: Any, law: Any, segments: Any, tick: int
+) -> Reply:
     """Carry out what the table of states allows, and answer.
 
     A verb has the number of its event in the table.
@@ -89,7 +92,7 @@ def _obey(command: Any, settings: Any, axis: Any, law: Any, segments: Any, tick:
             return Reply.STILL_FAULTY
         if is_hot(settings, axis) or is_too_fast(settings, axis) or trembles(settings, axis):
             return Reply.CAUSE_LASTS
-        if has_lost_its_numbers(axis, law):
+        if has_lost_its_numbers(axis, law) or still_overruns(watch, axis):
             return Reply.CAUSE_LASTS
         axis.fault = 0
     elif verb == Verb.FOLLOW:

@@ -214,6 +214,12 @@ def lasting_words(cause: FaultCause) -> str:
             "one of its learned parameters is no finite number, and each start would begin with "
             "it; a new start of the daemon begins with the saved or the configured ones"
         )
+    if cause is FaultCause.OVERRUN:
+        return (
+            "the loop's ticks still come late, or did a moment ago: each one in time takes one out "
+            "of the bucket of loop.overrun_policy, which has to be empty; look at what else needs "
+            "the computer (`motorctl latency`), or lower rate_hz"
+        )
     return "the axis is still faster than its limit; wait until it has come to rest"
 
 

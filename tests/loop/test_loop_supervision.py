@@ -9,6 +9,7 @@ from loop_bench import TS, Hand, changed, gantry, with_sim
 from motorctl.config.keys import LoopSettings
 from motorctl.log.sample import AxisState, FaultCause, SampleFlag
 from motorctl.loop import Reply, Verb
+from motorctl.loop.faults import lasting_words
 from motorctl.motion import point_to_point
 
 PATIENCE = round(LoopSettings().supervisor_timeout_s / TS)
@@ -220,6 +221,37 @@ def test_every_skipped_period_fills_the_bucket():
         assert bench.status("x")["state"] == AxisState.RUNNING
         bench.step(overran=True)
         assert bench.status("x")["state"] == AxisState.STOPPING
+
+
+@pytest.mark.parametrize(
+    ("loop", "good"),
+    [({"overrun_policy": "leaky_bucket", "bucket_size": 5}, 5), ({"overrun_policy": "stop"}, 1)],
+)
+def test_an_axis_that_late_ticks_stopped_is_not_reset_before_as_many_came_in_time(loop, good):
+    with hand(**loop) as bench:
+        moving(bench)
+        while bench.status("x")["state"] != AxisState.FAULT:
+            bench.step(overran=True)
+        assert bench.status("x")["fault"] == FaultCause.OVERRUN
+        for _ in range(12):  # wherever the bucket may be by then
+            number = bench.memory.post(Verb.RESET, 0)
+            bench.step(overran=True)
+            assert bench.memory.reply(number) is Reply.CAUSE_LASTS
+        for _ in range(good - 1):
+            assert bench.ask(Verb.RESET, "x") is Reply.CAUSE_LASTS
+        assert bench.ask(Verb.RESET, "x") is Reply.OK
+        assert bench.ask(Verb.START, "x") is Reply.OK
+        bench.steps(3000)
+        assert bench.status("x")["state"] == AxisState.IDLE
+    assert "ticks still come late" in lasting_words(FaultCause.OVERRUN)
+
+
+def test_an_axis_that_is_started_while_every_tick_comes_late_is_stopped_again():
+    with hand(overrun_policy="leaky_bucket", bucket_size=5) as bench:
+        bench.steps(20, overran=True)  # nothing was led yet
+        bench.ask(Verb.START, "y")
+        bench.step(overran=True)
+        assert bench.status("y")["fault"] == FaultCause.OVERRUN
 
 
 def test_a_tick_allocates_nothing_that_grows():

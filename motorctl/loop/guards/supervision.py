@@ -37,7 +37,7 @@ def supervise(
     """Stop all axes where the supervisor is silent or the bucket of overruns is full.
 
     The bucket leaks: an overrun, and each period that was skipped, adds one, a good tick takes
-    one out.
+    one out. Once it is full it stops what is led, for as long as it stays so.
     """
     if watch.silent_limit:
         beat = load_acquire(status, "beat")
@@ -60,16 +60,21 @@ def supervise(
     status.skipped_periods += skipped
     if watch.bucket_size:
         if overran or skipped:
-            watch.bucket += max(skipped, 1)
+            watch.bucket = min(watch.bucket + max(skipped, 1), watch.bucket_size)
         elif watch.bucket > 0:
             watch.bucket -= 1
         if watch.bucket >= watch.bucket_size:
-            watch.bucket = 0
             size = float(watch.bucket_size)
             for i in range(axes.size):
                 # A pause that is too long for an axis is its own cause: `check_pause`.
                 if elapsed // settings[i].divisor - 1 <= settings[i].frozen_ticks:
                     react_to_others(settings[i], axes[i], FaultCause.OVERRUN, 0.0, size, t)
+
+
+@inner_kernel
+def still_overruns(watch: Any, axis: Any) -> bool:
+    """Return whether overruns that tripped an axis are still in their bucket."""
+    return axis.fault == FaultCause.OVERRUN and watch.bucket > 0  # type: ignore[no-any-return]
 
 
 @inner_kernel
