@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 
 from motorctl.config.analysis import LoopMargins, loop_margins
@@ -45,14 +46,13 @@ def check_skew_guard(
             f"travel of {high - low:g} m: the other goes no further than half of it; should be "
             "less",
         )
-    stiffness = dual.skew.stiffness_v_m
-    if stiffness and guard.limit_m >= limits.max_voltage_v / stiffness:
-        most = limits.max_voltage_v / stiffness
+    most = most_skew_m(dual.skew, limits)
+    if guard.limit_m >= most:
         yield (
             where,
             f"found {guard.limit_m:g}, can never trip: motors that push against each other with "
-            f"max_voltage_v {limits.max_voltage_v:g} V skew a beam of {stiffness:g} V/m by "
-            f"{most:.3g} m; should be less",
+            f"max_voltage_v {limits.max_voltage_v:g} V skew a beam of "
+            f"{dual.skew.stiffness_v_m:g} V/m by {most:.3g} m; should be less",
         )
 
 
@@ -82,6 +82,18 @@ def check_dual_drive(
     elif apart >= (travel := limits.travel_m[1] - limits.travel_m[0]) > 2.0 * _skew_limit_m(guards):
         message = f"found {apart:g}, can never trip: both ends are within the travel of "
         yield where, f"{message}{travel:g} m; should be less"
+    elif apart > (most := most_skew_m(skew, limits)) > _skew_limit_m(guards):
+        yield (
+            where,
+            f"found {apart:g}, can never trip on a beam that is askew: motors that push against "
+            f"each other with max_voltage_v {limits.max_voltage_v:g} V skew one of "
+            f"{skew.stiffness_v_m:g} V/m by {most:.3g} m; should be at most that",
+        )
+
+
+def most_skew_m(skew: SkewLoop, limits: Limits) -> float:
+    """Return how far two motors that push against each other skew the beam [m]."""
+    return limits.max_voltage_v / skew.stiffness_v_m if skew.stiffness_v_m else math.inf
 
 
 def _skew_limit_m(guards: Guards | None) -> float:

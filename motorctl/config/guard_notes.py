@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterator, Mapping
 
 from motorctl.config.count_limits import too_fast_m_s
+from motorctl.config.dual_drive_rules import most_skew_m
 from motorctl.config.guard_keys import ORDINARY_PAUSE_S
 from motorctl.config.keys import LoopSettings
 from motorctl.config.machine import Axis, Machine
@@ -41,6 +42,7 @@ def notes_on_guards(machine: Machine, watchdogs_s: Mapping[str, float | None]) -
         yield from _soft_limits(axis)
         yield from _overspeed(axis, period_s)
         yield from _break_away(axis)
+        yield from _square_offset(axis)
         late = machine.drivers[axis.driver].late
         if machine.loop.without_realtime == "degrade":
             yield from _short_pause(axis, watchdog_s)
@@ -150,6 +152,23 @@ def _break_away(axis: Axis) -> Iterator[str]:
                 f"where it begins to move slowly, {held_m:.3g} m: {friction_v:g} V at theta(0) by "
                 f"ks k1 {stiffness_v_m:g} V/m; it may trip then"
             )
+
+
+def _square_offset(axis: Axis) -> Iterator[str]:
+    """Note switches that are further apart than any beam is askew; where they are nobody says."""
+    dual, homing = axis.dual_drive, axis.homing
+    if dual is None or homing.method == "absolute":
+        return
+    offset_m, most_m = abs(dual.square_offset_m), most_skew_m(dual.skew, axis.limits)
+    apart_m = dual.max_out_of_square_m or 0.0
+    if offset_m > most_m + apart_m:
+        yield (
+            f"axis {axis.name}: dual_drive.square_offset_m {dual.square_offset_m:g} is more than "
+            f"the beam can be askew, {most_m:.3g} m (max_voltage_v "
+            f"{axis.limits.max_voltage_v:g} V by {dual.skew.stiffness_v_m:g} V/m), and "
+            f"max_out_of_square_m {apart_m:g} m: unless the ends' switches or marks are mounted so "
+            "far apart, each homing ends in the fault not_square"
+        )
 
 
 def _short_pause(axis: Axis, watchdog_s: float | None) -> Iterator[str]:

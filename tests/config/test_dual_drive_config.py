@@ -82,6 +82,9 @@ REFUSED = [
      ["0.0005", "guards.skew.limit_m 0.001"]),
     ({"dual_drive__max_out_of_square_m": 0.4}, "dual_drive.max_out_of_square_m",
      ["0.4", "can never trip", "travel"]),
+    ({"dual_drive__max_out_of_square_m": 0.0201}, "dual_drive.max_out_of_square_m",
+     ["0.0201", "can never trip", "10 V", "500 V/m", "0.02 m", "at most that"]),
+    ({"dual_drive__max_out_of_square_m": 0.02}, None, []),
     ({"dual_drive__skew__ks_v_s_m": 400.0}, "dual_drive.skew",
      ["skew loop is unstable", "ks 400", "0.08 V*s^2/m", "2000 Hz"]),
     ({"dual_drive__skew__k1_1_s": 2000.0}, "dual_drive.skew.k1_1_s", ["2000", "below the rate"]),
@@ -101,6 +104,20 @@ def test_what_cannot_be_is_refused_at_its_key(tmp_path, changes, key, parts):
     assert told.key == f"axes.x.{key}"
     assert told.line is not None
     assert all(part in told.message for part in parts), told.message
+
+
+def test_switches_that_are_further_apart_than_a_beam_can_be_askew_are_noted(tmp_path):
+    def told(offset_m, **changes):
+        data = beam(dual_drive__square_offset_m=offset_m, **changes)
+        notes = summarise(load(write(tmp_path, data)))["notes"]
+        return [note for note in notes if "square_offset_m" in note]
+
+    assert told(-0.022) == []  # 20 mm askew, and 2 mm as they may differ
+    (note,) = told(-0.023)
+    assert "axis x: dual_drive.square_offset_m -0.023" in note
+    assert "0.02 m (max_voltage_v 10 V by 500 V/m)" in note
+    assert "max_out_of_square_m 0.002 m" in note
+    assert told(-0.3, dual_drive__skew__stiffness_v_m=0.0) == []
 
 
 def test_a_skew_guard_of_an_axis_with_one_motor_is_refused(tmp_path):
