@@ -86,6 +86,13 @@ def _following_error(axis: Axis) -> Iterator[str]:
     half = f"half of the travel of {travel:g} m or more"
     allowed = error.minimum_m + error.per_velocity_s * fastest
     unseen = error.filter_time_s * fastest
+    if max(allowed, unseen) < 0.5 * travel < allowed + unseen:
+        yield (
+            f"axis {axis.name}: at {fastest:g} m/s guards.following_error trips once the reference "
+            f"is {allowed + unseen:.3g} m ahead of an axis that stands, {half}: "
+            f"limits.following_error leaves it {allowed:.3g} m, and {unseen:.3g} m pass in "
+            "its filter time"
+        )
     if allowed >= 0.5 * travel:
         yield (
             f"axis {axis.name}: at {fastest:g} m/s limits.following_error allows {allowed:.3g} m, "

@@ -94,6 +94,16 @@ def _check_following_error(limits: Limits, travel: float) -> Iterator[Finding]:
             f"at {fastest:g} m/s: its whole travel of {travel:g} m"
         )
         yield ("limits", "following_error", "filter_time_s"), message
+    whole = allowed + unseen
+    if error.minimum_m < half and max(allowed, unseen) < travel < whole:
+        yield (
+            ("limits", "following_error"),
+            f"in fast motion it can never trip: at {fastest:g} m/s the error has to grow to "
+            f"minimum_m {error.minimum_m:g} m + per_velocity_s {error.per_velocity_s:g} s x "
+            f"{fastest:g} m/s = {allowed:.3g} m and on for filter_time_s {error.filter_time_s:g} "
+            f"s, {unseen:.3g} m more, together {whole:.3g} m, and the travel is {travel:g} m; "
+            "should be less",
+        )
 
 
 def stopping_distance_m(velocity: float, acceleration: float, jerk: float) -> float:

@@ -70,6 +70,11 @@ def tells_one(tmp_path, data, key, parts):
     [
         ({"axes__x__limits__following_error__per_velocity_s": 0.4},
          "axes.x.limits.following_error.per_velocity_s", ["0.401 m", "travel of 0.4 m", "never"]),
+        ({"axes__x__limits__following_error":
+          {"minimum_m": 0.1, "per_velocity_s": 0.1, "filter_time_s": 0.21}},
+         "axes.x.limits.following_error",
+         ["can never trip", "0.1 m + per_velocity_s 0.1 s x 1 m/s = 0.2 m", "filter_time_s 0.21 s",
+          "0.21 m more", "together 0.41 m", "travel is 0.4 m"]),
         ({"drivers__line__late": {"hold_ticks": 4001}},
          "drivers.line.late.hold_ticks", ["found 4001", "2.0005 s", "at most 4000", "hardly ever"]),
         ({"loop__overrun_policy": "leaky_bucket", "loop__bucket_size": 2001},
@@ -100,6 +105,7 @@ def test_a_speed_that_the_motor_can_never_reach_is_refused(tmp_path):
         {"minimum_m": 0.199},
         {"minimum_m": 0.001, "per_velocity_s": 0.398},
         {"minimum_m": 0.001, "filter_time_s": 0.399},
+        {"minimum_m": 0.1, "per_velocity_s": 0.1, "filter_time_s": 0.19},
     ],
 )
 def test_a_following_error_that_trips_before_an_end_of_the_travel_is_allowed(tmp_path, error):
@@ -165,6 +171,19 @@ def test_a_way_within_the_filter_time_that_is_half_the_travel_is_noted(tmp_path)
     assert told(0.199) == []
     (note,) = told(0.2)
     assert "0.2 m at 1 m/s, half of the travel of 0.4 m" in note
+
+
+def test_a_following_error_that_is_half_the_travel_in_all_is_noted(tmp_path):
+    def told(filter_time_s):
+        error = {"minimum_m": 0.05, "per_velocity_s": 0.05, "filter_time_s": filter_time_s}
+        changes = {"axes__x__limits__following_error": error}
+        return notes_with(tmp_path, "ahead of an axis that stands", **changes)
+
+    assert told(0.09) == []
+    (note,) = told(0.11)
+    assert "at 1 m/s" in note
+    assert "0.21 m ahead of an axis that stands, half of the travel of 0.4 m or more" in note
+    assert "leaves it 0.1 m, and 0.11 m pass in its filter time" in note
 
 
 def waiting(**loop):
