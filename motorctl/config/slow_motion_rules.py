@@ -18,6 +18,11 @@ from motorctl.errors import Problem
 from motorctl.located_yaml import Document
 from motorctl.motion import RequiredVoltage
 
+SURE_FRICTION = 0.5
+"""Part of the friction at theta(0) that holds a beam back for certain while it is squared. Larger
+refuses limits of beams that slide more easily than they were told to; smaller leaves to a note what
+trips at each start. Chosen by hand."""
+
 
 def check_slow_motion(document: Document, parts: AxisParts, rate_hz: float | None) -> list[Problem]:
     """Check the limits that the slow motion of an axis, or of its skew, is always beyond.
@@ -45,7 +50,7 @@ def check_slow_motion(document: Document, parts: AxisParts, rate_hz: float | Non
     if parts.gains and need and friction_v > 0.0:
         found += _held_back(limits, guards, parts.gains, need, friction_v, least_m)
     if parts.dual and rate_hz:
-        found += _squared(parts, guards, rate_hz, least_m)
+        found += _squared(parts, guards, friction_v, rate_hz, least_m)
     return [
         document.problem(("axes", parts.name, *where), parts.units.words(what))
         for where, what in found
@@ -107,8 +112,13 @@ def _compensated_v(limits: Limits, need: RequiredVoltage, speed: float) -> float
     return 0.5 * float(np.mean(there - back))
 
 
-def _squared(parts: AxisParts, guards: Guards, rate_hz: float, least_m: float) -> Iterator[Finding]:
-    """Look at a beam that is led to square from as far askew as it may stand, without friction."""
+def _squared(
+    parts: AxisParts, guards: Guards, friction_v: float, rate_hz: float, least_m: float
+) -> Iterator[Finding]:
+    """Look at a beam that is led to square from as far askew as it may stand, by little friction.
+
+    All of its friction may hold it back further, which is noted.
+    """
     dual, guard = parts.dual, guards.skew
     if dual is None or guard is None or parts.model is None or parts.adaptation is None:
         return
@@ -116,11 +126,18 @@ def _squared(parts: AxisParts, guards: Guards, rate_hz: float, least_m: float) -
     if any(check_skew_loop(skew, parts.model, delay_s, rate_hz)):
         return  # which is told already
     lag_m = squaring_lag_m(dual, guard.limit_m, 0.0, 1.0 / rate_hz)
+    why = f"by inertia {skew.inertia_v_s2_m:g} V*s^2/m and ks {skew.ks_v_s_m:g} alone"
+    if guard.limit_m > lag_m and friction_v > 0.0:
+        sure_v = SURE_FRICTION * friction_v
+        lag_m = squaring_lag_m(dual, guard.limit_m, sure_v, 1.0 / rate_hz)
+        why = (
+            f"with {sure_v:g} V of friction already, {SURE_FRICTION:g} of that at theta(0), around "
+            f"ks {skew.ks_v_s_m:g} and k1 {skew.k1_1_s:g}"
+        )
     if least_m < guard.limit_m <= lag_m:
         yield (
             ("guards", "skew", "limit_m"),
             f"found {guard.limit_m:g}, would always trip while a beam that stands askew is squared "
             f"at squaring_velocity_m_s {skew.squaring_velocity_m_s:g} m/s: the skew loop stays "
-            f"{lag_m:.3g} m behind, by inertia {skew.inertia_v_s2_m:g} V*s^2/m and ks "
-            f"{skew.ks_v_s_m:g} alone; should be above that, or the squaring slower",
+            f"{lag_m:.3g} m behind, {why}; should be above that, or the squaring slower",
         )

@@ -78,8 +78,19 @@ def test_a_skew_limit_that_every_squaring_would_trip_is_refused(tmp_path):
 
 def test_a_beam_that_is_squared_more_slowly_stays_less_behind(tmp_path):
     data = beam(limit_m=2e-6)
+    data["axes"]["x"]["model"]["coulomb_friction"]["initial"] = 0.0
+    data["axes"]["x"]["model"]["coulomb_friction"]["bounds"] = [0.0, 0.4]
     data["axes"]["x"]["dual_drive"]["skew"]["squaring_velocity_m_s"] = 0.8e-3
     assert problems(tmp_path, data) == ()
+
+
+def test_a_skew_limit_that_half_of_the_friction_trips_in_every_squaring_is_refused(tmp_path):
+    # 10 counts: a simulation trips 3 ms after the start.
+    (told,) = problems(tmp_path, beam(limit_m=5e-6))
+    assert told.key == "axes.x.guards.skew.limit_m"
+    for part in ("found 5e-06", "always trip", "9.17e-06 m behind", "0.04 V", "0.5 of that at"):
+        assert part in told.message
+    assert problems(tmp_path, beam(limit_m=9.2e-6)) == ()
 
 
 def test_a_skew_limit_that_friction_may_trip_while_squaring_is_noted(tmp_path):
