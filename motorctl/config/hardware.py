@@ -11,7 +11,7 @@ from motorctl.config.dual_drive_keys import SECOND_END, DualDrive
 from motorctl.config.exchange import ask_exchange
 from motorctl.config.keys import DriverKeys
 from motorctl.config.machine import Axis, DriverSetup
-from motorctl.config.seen_rules import check_seen
+from motorctl.config.seen_rules import check_patience, check_seen
 from motorctl.config.validation import read_keys, suggest, validate_options
 from motorctl.errors import MotorctlError, Problem, UsageError
 from motorctl.hal import Channel, driver_class
@@ -156,6 +156,9 @@ def check_rates(
         for path, message in exchange.problems:
             add(name, message, *path)
         problems += check_seen(document, name, exchange, channels)
+        problems += check_patience(
+            document, name, exchange, channels, 1.0 / own_rate_hz, setup.late.hold_ticks
+        )
         if exchange.own_clock and setup.late.hold_ticks == 0:
             add(name, _NO_HOLD, "late", "hold_ticks")
         if exchange.medium is not None:

@@ -1,15 +1,18 @@
-"""What axes need of a driver's samples: switches that are told, both ends of one moment."""
+"""What axes need of a driver: switches that are told, both ends of one moment, patience."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
 from motorctl.config.dual_drive_keys import SECOND_END
-from motorctl.config.exchange import Exchange
+from motorctl.config.exchange import Exchange, is_one_exchange
 from motorctl.errors import Problem
 from motorctl.hal import Channel, Status
 from motorctl.located_yaml import Document
 
+ROUNDING_S = 1e-9
+"""How far a time may be above another that it stands for [s]: periods have no end as decimals. Any
+other would do that is small beside a period. Chosen by hand."""
 _SOUGHT = {
     "switch": (Status.HOME_SWITCH,),
     "index": (Status.INDEX_LATCHED,),
@@ -59,3 +62,36 @@ def _check_moments(document: Document, driver: str, apart_s: float, axis: str) -
             "both at once (CAN: sync, or both counts in one frame)"
         )
         yield document.problem(path, message)
+
+
+def check_patience(
+    document: Document,
+    driver: str,
+    exchange: Exchange,
+    channels: Sequence[Channel],
+    period_s: float,
+    hold_ticks: int,
+) -> Iterator[Problem]:
+    """Check that a pause of the computer for which an axis would wait is one that a driver bears.
+
+    Beyond its device's watchdog, and where one exchange a period carries command and sample beyond
+    `late.hold_ticks`, the guard trips whatever is written.
+    """
+    limits = []
+    if exchange.watchdog_s is not None:
+        limits.append((exchange.watchdog_s, "which its device's watchdog goes on for"))
+    if is_one_exchange(round(exchange.delay_s / period_s, 6)):
+        told = f"late.hold_ticks {hold_ticks} of driver '{driver}' at {1.0 / period_s:g} Hz"
+        limits.append((hold_ticks * period_s, told))
+    for axis in dict.fromkeys(channel.axis.removesuffix(SECOND_END) for channel in channels):
+        path = ("axes", axis, "guards", "host_frozen", "time_s")
+        time_s = document.at(path)
+        if not limits or not isinstance(time_s, int | float):
+            continue
+        most_s, why = min(limits)
+        if time_s > most_s + ROUNDING_S:
+            message = (
+                f"found {time_s:g}, does nothing: guards.host_frozen trips after {most_s:g} s "
+                f"already, {why}; should be at most that, or be removed"
+            )
+            yield document.problem(path, message)

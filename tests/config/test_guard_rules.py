@@ -186,6 +186,30 @@ def test_a_following_error_that_is_half_the_travel_in_all_is_noted(tmp_path):
     assert "leaves it 0.1 m, and 0.11 m pass in its filter time" in note
 
 
+def on_a_bus(name, time_s, **driver):
+    """Return a shipped machine as plain data, with a pause of the computer that x would bear."""
+    data = yaml.safe_load(shipped_config(name).read_text())
+    data["axes"]["x"]["guards"] = {"host_frozen": {"time_s": time_s}}
+    data["drivers"]["gantry"] |= driver
+    return data
+
+
+def test_a_pause_that_the_device_does_not_bear_is_refused_as_doing_nothing(tmp_path):
+    assert problems(tmp_path, on_a_bus("can_gantry", 0.05)) == ()
+    parts = ["found 0.5", "does nothing", "after 0.05 s already", "device's watchdog", "at most"]
+    key = "axes.x.guards.host_frozen.time_s"
+    tells_one(tmp_path, on_a_bus("can_gantry", 0.5), key, parts)
+
+
+def test_a_pause_beyond_which_every_sample_is_too_old_is_refused_as_doing_nothing(tmp_path):
+    # 3 periods at 500 Hz; one exchange carries command and sample.
+    late = {"late": {"hold_ticks": 3}, "rate_hz": 500}
+    assert problems(tmp_path, on_a_bus("modbus_gantry", 0.006, **late)) == ()
+    parts = ["found 0.007", "does nothing", "after 0.006 s already", "late.hold_ticks 3", "500 Hz"]
+    data = on_a_bus("modbus_gantry", 0.007, **late)
+    tells_one(tmp_path, data, "axes.x.guards.host_frozen.time_s", parts)
+
+
 def waiting(**loop):
     """Return the shipped gantry as plain data; its simulated plant can wait for the computer."""
     data = yaml.safe_load(shipped_config("published_gantry").read_text())

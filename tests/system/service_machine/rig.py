@@ -28,6 +28,8 @@ SLOWER = 0.4
 """What is left of the bandwidth of the gains, which are for 100 Hz."""
 PAUSE_S = 0.9
 """For so long it stands still at times, as the computer that emulates it has other work."""
+DRIVES_PAUSE_S = 0.76
+"""What the drives' watchdog leaves of it: they wait no longer than that less a heartbeat's time."""
 PATIENCE_S = 900.0
 """An emulated processor is slow, and some days slower: a start took 70 s, or more than 300 s."""
 DEVICE_WATCHDOG_S = loop_config.device_file()["watchdog_s"]
@@ -97,7 +99,7 @@ def _write_gantry(name: str, bus: str, driver: dict[str, Any], device: dict[str,
     timeout_s = 10.0 if name == DRIVES else 2.0
     machine["loop"] |= {"spin_s": 0.0, "supervisor_timeout_s": timeout_s}
     for axis in machine["axes"].values():
-        axis["guards"] = {"host_frozen": {"time_s": PAUSE_S}}
+        axis["guards"] = {"host_frozen": {"time_s": DRIVES_PAUSE_S if name == DRIVES else PAUSE_S}}
         axis["gains"] = axis["gains"] | {"k1_1_s": SLOWER * axis["gains"]["k1_1_s"]}
         axis["gains"]["ks_v_s_m"] *= SLOWER
         axis["adaptation"]["filter_rad_s"] *= SLOWER
