@@ -14,6 +14,10 @@ from motorctl.config.machine import Axis, Machine
 FAR_OUT = 0.1
 """A part of the travel: soft limits so far outside it are noted. Larger lets them lie behind the
 end stops unsaid; smaller notes axes whose following error is that of their travel. By hand."""
+LONG_HEAT_S = 3600.0
+"""A motor whose model the full command trips only after so long is noted [s]: nobody waits for it,
+and other guards trip on such a command within seconds. Longer says less of large motors, shorter
+notes those whose housings take minutes. Chosen by hand."""
 COARSE = 2.0
 """Times the top speed: overspeed that trips only there is noted. Larger says less of coarse
 encoders, smaller, down to 1.2, notes every one. By hand."""
@@ -43,6 +47,7 @@ def notes_on_guards(machine: Machine, watchdogs_s: Mapping[str, float | None]) -
         yield from _overspeed(axis, period_s)
         yield from _break_away(axis)
         yield from _square_offset(axis)
+        yield from _slow_heat(axis)
         late = machine.drivers[axis.driver].late
         if machine.loop.without_realtime == "degrade":
             yield from _short_pause(axis, watchdog_s)
@@ -175,6 +180,20 @@ def _square_offset(axis: Axis) -> Iterator[str]:
             f"{axis.limits.max_voltage_v:g} V by {dual.skew.stiffness_v_m:g} V/m), and "
             f"max_out_of_square_m {apart_m:g} m: unless the ends' switches or marks are mounted so "
             "far apart, each homing ends in the fault not_square"
+        )
+
+
+def _slow_heat(axis: Axis) -> Iterator[str]:
+    thermal, full = axis.guards.thermal, axis.limits.max_voltage_v
+    if thermal is None:
+        return
+    warm_s = -thermal.time_constant_s * math.log1p(-((thermal.continuous_voltage_v / full) ** 2))
+    if warm_s >= LONG_HEAT_S:
+        yield (
+            f"axis {axis.name}: guards.thermal (continuous_voltage_v "
+            f"{thermal.continuous_voltage_v:g}, time_constant_s {thermal.time_constant_s:g}) trips "
+            f"a cold motor at max_voltage_v {full:g} V after {warm_s / 3600.0:.3g} h only: is "
+            "that the time constant of its winding?"
         )
 
 

@@ -126,6 +126,15 @@ def _check_stuck(guards: Guards, limits: Limits, encoder: Encoder) -> Iterator[F
             f"{error.minimum_m:g} m + ({error.per_velocity_s:g} s + {error.filter_time_s:g} s) x "
             f"{fastest:g} m/s = {most:g} m; should be less",
         )
+        return
+    travel = limits.travel_m[1] - limits.travel_m[0]
+    if distance >= 0.5 * travel > 0.0:
+        yield (
+            where,
+            f"found {distance:g}, can never trip from the middle of the travel of {travel:g} m: "
+            f"there the reference goes no further than half of it, {0.5 * travel:g} m, either way; "
+            "should be less",
+        )
 
 
 def _check_command(guards: Guards, limits: Limits, period_s: float) -> Iterator[Finding]:

@@ -8,7 +8,7 @@ from motorctl.config import load, load_resolved, shipped_config
 from motorctl.config.guard_keys import NO_QUICK_STOP
 from motorctl.config.summary import summarise
 
-# The machine: 1 m/s, 2 kHz, counts of 1 um, 10 V, following error 1 mm for 2 ms.
+# The machine: travel 0.4 m, 1 m/s, 2 kHz, counts of 1 um, 10 V, following error 1 mm for 2 ms.
 NEVER = [
     ("encoder_stuck", {"distance_m": 0.003}, "distance_m", ["0.003", "following error", "0.003 m",
                                                            "can never trip"]),
@@ -40,6 +40,30 @@ ALWAYS = [
 @pytest.mark.parametrize(("guard", "keys", "key", "parts"), NEVER)
 def test_a_guard_that_can_never_trip_is_refused(tmp_path, guard, keys, key, parts):
     refused(tmp_path, guard, keys, key, parts)
+
+
+def test_a_stuck_encoder_that_is_only_seen_beyond_half_of_the_travel_is_refused(tmp_path):
+    error = {"minimum_m": 0.15, "per_velocity_s": 0.05, "filter_time_s": 0.15}
+
+    def with_distance(distance_m):
+        guards = {"encoder_stuck": {"distance_m": distance_m}}
+        return machine(axes__x__guards=guards, axes__x__limits__following_error=error)
+
+    assert problems(tmp_path, with_distance(0.199)) == ()
+    parts = ["found 0.2", "never trip from the middle", "travel of 0.4 m", "0.2 m, either way"]
+    tells_one(tmp_path, with_distance(0.2), "axes.x.guards.encoder_stuck.distance_m", parts)
+
+
+def test_a_motors_model_that_the_full_command_trips_after_an_hour_is_noted(tmp_path):
+    def told(volts):
+        thermal = {"continuous_voltage_v": volts, "time_constant_s": 7200.0}
+        guards = {"thermal": thermal}
+        return notes_with(tmp_path, "guards.thermal (", axes__x__guards=guards)
+
+    assert told(6.27) == []  # 7200 s times -ln(1 - 0.627^2) is 0.9995 h
+    (note,) = told(9.7)
+    assert "continuous_voltage_v 9.7, time_constant_s 7200" in note
+    assert "at max_voltage_v 10 V after 5.66 h only" in note
 
 
 def test_a_model_of_heat_that_the_full_command_trips_in_time_is_accepted_as_told(tmp_path):
