@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
-from motorctl.hal import LIMIT_SWITCHES, unseen_limit_switches
+from motorctl.hal import LIMIT_SWITCHES, UNTOLD_GUARDS, unseen_limit_switches, untold_guard
 from motorctl_can.layout import (
     CLASSIC_LENGTHS,
     COMMAND_MEANINGS,
@@ -106,10 +106,10 @@ def missing_from_layout(layout: Layout) -> Iterator[str]:
             f"no boot for {', '.join(untold)}: a device that starts anew after a short silence is "
             "not noticed, and its counts then begin elsewhere"
         )
-    for means in (Means.AMPLIFIER_FAULT, Means.ENCODER_LOST, Means.ESTOP):
-        untold = [axis for axis in layout.axes if layout.find(means, axis) is None]
+    for means, guard in UNTOLD_GUARDS.items():
+        untold = [axis for axis in layout.axes if layout.find(Means(means), axis) is None]
         if untold:
-            yield f"no {means} for {', '.join(untold)}: the device has no way to tell of one"
+            yield untold_guard(means, guard, untold)
     switches = [Means(name) for name in LIMIT_SWITCHES]
     yield from unseen_limit_switches(
         {

@@ -11,6 +11,7 @@ from typing import ClassVar
 import numpy as np
 
 from motorctl.hal import (
+    UNTOLD_GUARDS,
     Channel,
     Claim,
     Driver,
@@ -23,6 +24,7 @@ from motorctl.hal import (
     Status,
     serial_line,
     unseen_limit_switches,
+    untold_guard,
 )
 from motorctl_modbus import budget, checks
 from motorctl_modbus.coupler import DEVICE_FAILURE, arm_watchdog
@@ -129,15 +131,14 @@ class ModbusDriver(Driver):
                 "no boot_id: on rtu nothing else shows that the device started anew, and its "
                 "counts then begin elsewhere"
             )
-        for flag in ("amplifier_fault", "encoder_lost", "estop"):
+        for flag, guard in UNTOLD_GUARDS.items():
             untold = [
                 channel.axis
                 for channel in self.channels
                 if getattr(options.channels[channel.number].status, flag) is None
             ]
             if untold:
-                axes = ", ".join(untold)
-                found.append(f"no {flag} for {axes}: the device has no way to tell of one")
+                found.append(untold_guard(flag, guard, untold))
         told = {c.axis: dict(options.channels[c.number].status.named()) for c in self.channels}
         return [*found, *unseen_limit_switches(told)]
 

@@ -22,6 +22,7 @@ from motorctl.hal import (
     Inputs,
     Outputs,
     RateBudget,
+    Status,
     kernels_cached,
     specialise,
     unseen_limit_switches,
@@ -134,6 +135,20 @@ class SimDriver(Driver):
                 }
             )
         )
+
+    def switches(self) -> Sequence[Status]:
+        """Tell which switches and marks the plants have."""
+        found = []
+        for channel in self.channels:
+            plant, told = self._sim.plant(channel.number), Status(0)
+            if plant.home_switch:
+                told |= Status.HOME_SWITCH
+            if plant.encoder.index_marks_m:
+                told |= Status.INDEX_LATCHED
+            if plant.limit_switches_m:
+                told |= Status.LIMIT_NEGATIVE | Status.LIMIT_POSITIVE
+            found.append(told)
+        return found
 
     def start_virtual_time(self) -> None:
         """Let time pass in `advance` only."""

@@ -6,6 +6,8 @@ from collections.abc import Iterator, Sequence
 
 from motorctl.config.dual_drive_keys import SECOND_END
 from motorctl.config.exchange import Exchange, is_one_exchange
+from motorctl.config.guard_keys import Guards
+from motorctl.config.validation import read_keys
 from motorctl.errors import Problem
 from motorctl.hal import Channel, Status
 from motorctl.located_yaml import Document
@@ -19,6 +21,7 @@ _SOUGHT = {
     "switch_index": (Status.HOME_SWITCH, Status.INDEX_LATCHED),
 }
 """What each method of homing waits for."""
+_LIMITS = Status.LIMIT_NEGATIVE | Status.LIMIT_POSITIVE
 _WORDS = {
     Status.HOME_SWITCH: "home switch (home_switch)",
     Status.INDEX_LATCHED: "index mark (index_latched)",
@@ -40,11 +43,30 @@ def check_seen(
                     message = (
                         f"found '{method}', but driver '{driver}' is told of no {_WORDS[sought]} "
                         f"of {whose}: homing would never find it; name it among the driver's "
-                        "signals, or home by another method"
+                        "signals (of a simulated plant: home_switch, encoder.index_marks_m), or "
+                        "home by another method"
                     )
                     yield document.problem(path, message)
+        if not second and exchange.switches is not None:
+            own = [i for i, c in enumerate(channels) if c.axis.removesuffix(SECOND_END) == axis]
+            if not any(exchange.switches[i] & _LIMITS for i in own):
+                yield from _check_limit_switch(document, driver, axis)
         if second and exchange.sampled_apart_s:
             yield from _check_moments(document, driver, exchange.sampled_apart_s, axis)
+
+
+def _check_limit_switch(document: Document, driver: str, axis: str) -> Iterator[Problem]:
+    """Refuse a reaction to limit switches that nothing tells of; silent ones alone are noted."""
+    path = ("axes", axis, "guards")
+    guards = read_keys(Guards, document.part(path))
+    if guards is None or guards.limit_switch == Guards().limit_switch:
+        return
+    message = (
+        f"can never trip: driver '{driver}' is told of no limit switch of '{axis}'; give it "
+        "limit_negative and limit_positive (or a simulated plant limit_switches_m), or remove the "
+        "guard here"
+    )
+    yield document.problem((*path, "limit_switch"), message)
 
 
 def _check_moments(document: Document, driver: str, apart_s: float, axis: str) -> Iterator[Problem]:

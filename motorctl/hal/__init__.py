@@ -25,7 +25,12 @@ from motorctl.hal.error_codes import (
     error_words,
 )
 from motorctl.hal.first_options import FirstAxis, FirstOptions, FoundAxis, FoundDevice
-from motorctl.hal.limit_switches import LIMIT_SWITCHES, unseen_limit_switches
+from motorctl.hal.limit_switches import (
+    LIMIT_SWITCHES,
+    UNTOLD_GUARDS,
+    unseen_limit_switches,
+    untold_guard,
+)
 from motorctl.hal.registry import DriverEntry, driver_class, installed_drivers
 from motorctl.kernels import inner_kernel, kernels_cached, specialise
 
@@ -37,6 +42,7 @@ __all__ = [
     "FAULT_BITS",
     "LEFT_OPERATION",
     "LIMIT_SWITCHES",
+    "UNTOLD_GUARDS",
     "Channel",
     "Claim",
     "Driver",
@@ -62,4 +68,5 @@ __all__ = [
     "serial_line",
     "specialise",
     "unseen_limit_switches",
+    "untold_guard",
 ]

@@ -187,6 +187,47 @@ def test_a_simulated_axis_without_limit_switches_is_noted(tmp_path, preset):
     assert "no limit_negative and limit_positive for x" in note
 
 
+def gantry_without_switches(name):
+    """Return a shipped machine as plain data whose driver is told of no limit switch of x."""
+    data = yaml.safe_load(shipped_config(name).read_text())
+    driver = data["drivers"]["gantry"]
+    if driver["type"] == "sim":
+        driver["plants"] = {0: {"limit_switches_m": None}}
+    return data
+
+
+@pytest.mark.parametrize("name", ["published_gantry", "can_gantry", "canopen_gantry"])
+def test_a_reaction_to_limit_switches_that_nothing_tells_of_is_refused(tmp_path, name):
+    data = gantry_without_switches(name)
+    data["axes"]["x"]["guards"] = {"limit_switch": {"reaction": "quick_stop"}}
+    (told,) = problems(tmp_path, data)
+    assert told.key == "axes.x.guards.limit_switch"
+    assert told.line is not None
+    for part in ("can never trip", "told of no limit switch of 'x'", "or remove the guard here"):
+        assert part in told.message
+    data["axes"]["x"]["guards"] = {"limit_switch": {"reaction": "disable"}}  # as a log says it
+    assert problems(tmp_path, data) == ()
+
+
+def test_a_reaction_to_limit_switches_that_are_told_is_taken(tmp_path):
+    data = yaml.safe_load(shipped_config("published_gantry").read_text())
+    data["axes"]["x"]["guards"] = {"limit_switch": {"reaction": "quick_stop"}}
+    assert problems(tmp_path, data) == ()
+
+
+@pytest.mark.parametrize(
+    ("plant", "word"),
+    [({"home_switch": None}, "home switch"), ({"encoder": {"index_marks_m": []}}, "index mark")],
+)
+def test_homing_by_what_a_simulated_plant_lacks_is_refused(tmp_path, plant, word):
+    data = yaml.safe_load(shipped_config("small_stage").read_text())
+    data["drivers"]["stage"]["plants"] = {0: plant}
+    (told,) = problems(tmp_path, data)
+    assert told.key == "axes.x.homing.method"
+    for part in ("found 'switch_index'", f"told of no {word}", "never find it", "simulated plant"):
+        assert part in told.message
+
+
 # What nearly always trips
 
 

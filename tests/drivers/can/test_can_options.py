@@ -376,6 +376,8 @@ def test_what_a_layout_leaves_open_is_told_and_is_no_problem():
     for words in ("watchdog", "no sequence in state", "no boot for x", "no estop for x"):
         assert words in said
     assert "no limit_negative and limit_positive for x: a limit switch there is not seen" in said
+    for guard in ("guards.amplifier", "guards.encoder_lost", "guards.estop"):
+        assert f"the device has no way to tell of one, and {guard} never trips on it" in said
 
 
 def test_a_limit_switch_that_one_axis_alone_has_is_missed_at_the_others():
