@@ -23,6 +23,7 @@ from motorctl.hal import (
     Outputs,
     RateBudget,
     Status,
+    Way,
     kernels_cached,
     specialise,
     unseen_limit_switches,
@@ -31,6 +32,7 @@ from motorctl_sim import compose
 from motorctl_sim.first_options import first_options, look
 from motorctl_sim.options import SimOptions
 from motorctl_sim.pace import Pace
+from motorctl_sim.way import way
 
 with kernels_cached():
     from motorctl_sim.physics import advance as physics
@@ -149,6 +151,11 @@ class SimDriver(Driver):
                 told |= Status.LIMIT_NEGATIVE | Status.LIMIT_POSITIVE
             found.append(told)
         return found
+
+    def ways(self) -> Sequence[Way | None]:
+        """Tell where the plants' end stops, switches and marks are; none of reversed encoders."""
+        plants = [self._sim.plant(channel.number) for channel in self.channels]
+        return [None if plant.encoder.reversed else way(plant) for plant in plants]
 
     def start_virtual_time(self) -> None:
         """Let time pass in `advance` only."""

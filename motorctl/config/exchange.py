@@ -12,7 +12,7 @@ import numpy as np
 
 from motorctl.config.machine import DriverSetup
 from motorctl.errors import MotorctlError, UsageError
-from motorctl.hal import Channel, Driver, RateBudget, Status
+from motorctl.hal import Channel, Driver, RateBudget, Status, Way
 from motorctl.located_yaml import KeyPath
 
 
@@ -39,6 +39,8 @@ class Exchange:
     """How far apart in time the samples of two channels may lie that come together."""
     switches: tuple[Status, ...] | None
     """Which switches and marks of each channel the device tells; None where nobody knows."""
+    ways: tuple[Way | None, ...] | None
+    """How far each channel can go, and what it meets there; None where nobody knows."""
 
 
 def has_own_clock(delay_periods: float) -> bool:
@@ -70,6 +72,7 @@ def ask_exchange(setup: DriverSetup, channels: tuple[Channel, ...], period_s: fl
         medium = _medium(driver.medium)
         apart_s = _amount("sampled_apart_s", driver.sampled_apart_s)
         switches = None if problems else _switches(driver.switches(), len(channels))
+        ways = _ways(driver.ways(), len(channels)) if driver.simulated and not problems else None
     except MotorctlError:
         raise
     except (Exception, SystemExit) as error:  # a driver of a third party may fail in any way
@@ -87,6 +90,7 @@ def ask_exchange(setup: DriverSetup, channels: tuple[Channel, ...], period_s: fl
         own_clock,
         apart_s,
         switches,
+        ways,
     )
 
 
@@ -116,6 +120,15 @@ def _switches(told: Any, channels: int) -> tuple[Status, ...] | None:
         with suppress(TypeError, ValueError):
             return tuple(Status(bits) for bits in told)
     raise _wrong("switches()", told, f"bits of Status for each of {channels} channels, or None")
+
+
+def _ways(told: Any, channels: int) -> tuple[Way | None, ...] | None:
+    if told is None:
+        return None
+    whole = isinstance(told, list | tuple) and len(told) == channels
+    if whole and all(way is None or isinstance(way, Way) for way in told):
+        return tuple(told)
+    raise _wrong("ways()", told, f"a Way or None for each of {channels} channels, or None")
 
 
 def _budget(told: Any) -> RateBudget:

@@ -25,6 +25,7 @@ from motorctl.config.recording_rules import RecordingRate, check_recording, reco
 from motorctl.config.shipped import locate
 from motorctl.config.slow_motion_rules import check_slow_motion
 from motorctl.config.validation import read_keys, validate
+from motorctl.config.way_rules import check_way, simulated_ways
 from motorctl.errors import Problem
 from motorctl.located_yaml import Document, read_document
 
@@ -169,7 +170,9 @@ def _build(
         rates = {n: own for n in parts if (own := axis_rate(document, n, rate_hz, divisors))}
         noises = {n: v for n, hz in rates.items() if (v := parts[n].count_noise_v(hz))}
         problems += check_heat(document, programs, thermals, limits, voltages, rates, noises)
+        ways = simulated_ways(drivers, wirings, rates)
         for name, part in parts.items():
+            problems += check_way(document, part, ways.get(name, ()), programs)
             problems += check_slow_motion(document, part, rates.get(name))
             problems += check_followed(document, name, programs)
     further, refused = read_further_effects(document)

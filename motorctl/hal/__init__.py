@@ -32,6 +32,7 @@ from motorctl.hal.limit_switches import (
     untold_guard,
 )
 from motorctl.hal.registry import DriverEntry, driver_class, installed_drivers
+from motorctl.hal.way import Way
 from motorctl.kernels import inner_kernel, kernels_cached, specialise
 
 __all__ = [
@@ -58,6 +59,7 @@ __all__ = [
     "RateBudget",
     "RunError",
     "Status",
+    "Way",
     "driver_class",
     "error_bits",
     "error_code",

@@ -49,6 +49,7 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict
 
 from motorctl.hal.first_options import FirstAxis, FirstOptions, FoundDevice
+from motorctl.hal.way import Way
 
 
 class Status(IntFlag):
@@ -306,6 +307,15 @@ class Driver(ABC):
         An entry a channel, of `HOME_SWITCH`, `INDEX_LATCHED`, `LIMIT_NEGATIVE` and
         `LIMIT_POSITIVE`; None where only the device knows. An axis that is homed by what can never
         come is refused.
+        """
+        return None
+
+    def ways(self) -> Sequence[Way | None] | None:
+        """Return how far each channel can go and what it meets there, without any I/O.
+
+        An entry a channel, None where it is not known; None where the driver knows of none, as of
+        every real machine. An axis whose program or homing would always trip there, or whose soft
+        limits never would, is refused. Only those of a `simulated` driver are asked.
         """
         return None
 

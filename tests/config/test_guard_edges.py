@@ -178,7 +178,9 @@ def test_a_reaction_to_partners_of_an_axis_that_is_alone_is_refused(tmp_path):
 @pytest.mark.parametrize("preset", PRESETS)
 def test_a_simulated_axis_without_limit_switches_is_noted(tmp_path, preset):
     def advice(**plant):
-        changes = {"drivers__line": {"type": "sim", "preset": preset, "plants": {0: plant}}}
+        room = {"travel_m": [-0.2, 0.4], "limit_switches_m": [-0.15, 0.35]}
+        plants = {0: room | {"home_switch": {"to_m": -0.05}} | plant}
+        changes = {"drivers__line": {"type": "sim", "preset": preset, "plants": plants}}
         return noted(tmp_path, "guards.limit_switch never trips", **changes)
 
     assert SimOptions(preset=preset).plant(0).limit_switches_m is not None

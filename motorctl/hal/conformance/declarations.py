@@ -60,7 +60,7 @@ class DeclarationChecks:
         touched = touched_by(lambda: drivers.append(rig.make_driver()))
         assert not touched, f"the constructor touches {touched}"
         (driver,) = drivers
-        for name in ("rate_budget", "problems", "switches", "prepare"):
+        for name in ("rate_budget", "problems", "switches", "ways", "prepare"):
             touched = touched_by(getattr(driver, name))
             assert not touched, f"{name} touches {touched}"
 
@@ -80,6 +80,14 @@ class DeclarationChecks:
             assert all(0 <= int(bits) <= int(every) and not bits & ~every for bits in told)
         assert math.isfinite(driver.sampled_apart_s)
         assert driver.sampled_apart_s >= 0.0
+
+    def test_it_tells_the_way_of_each_channel_or_that_nobody_knows(self, rig: Rig) -> None:
+        """A simulated axis that would always meet its ends is refused before it runs."""
+        told = rig.make_driver().ways()
+        if told is not None:
+            assert len(told) == len(rig.channels)
+            for way in told:
+                assert way is None or way.reach_m[0] < way.reach_m[1]
 
     def test_virtual_time_is_refused_where_it_is_not_supported(self, rig: Rig) -> None:
         """What cannot run in virtual time says so, and names itself."""

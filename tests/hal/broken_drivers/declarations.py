@@ -60,6 +60,12 @@ class TakesAFaultForASwitch(WireDriver):
         return [Status.AMPLIFIER_FAULT for _ in self.channels]
 
 
+@fails("test_it_tells_the_way_of_each_channel_or_that_nobody_knows")
+class TellsTheWayOfOneChannel(WireDriver):
+    def ways(self) -> list[None]:
+        return [None]
+
+
 @fails(UNTOUCHED)
 class ConnectsAtOnce(WireDriver):
     def __init__(self, options, channels, period_s):
