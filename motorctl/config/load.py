@@ -10,6 +10,7 @@ from motorctl.config.axis_keys import ConfigurationKeys, Controller
 from motorctl.config.axis_model import read_further_effects
 from motorctl.config.axis_parts import AxisParts, check_axis, read_axis
 from motorctl.config.chosen_code import MayRun, remember
+from motorctl.config.following_rules import check_following
 from motorctl.config.freeze import decode, freeze
 from motorctl.config.groups import check_groups
 from motorctl.config.hardware import build_drivers, check_claims, check_rates
@@ -174,6 +175,7 @@ def _build(
         for name, part in parts.items():
             problems += check_way(document, part, ways.get(name, ()), programs)
             problems += check_slow_motion(document, part, rates.get(name))
+            problems += check_following(document, part, programs, rates.get(name))
             problems += check_followed(document, name, programs)
     further, refused = read_further_effects(document)
     problems += refused if hardware else []  # a log may be read where they are not installed

@@ -6,7 +6,9 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from motorctl.config import following_motion
 from motorctl.config.analysis import required_command
+from motorctl.config.following_motion import LawError
 from motorctl.config.heat_rules import NEAR, program_heat_v
 from motorctl.config.machine import Axis, Machine
 from motorctl.config.skew_motion import skew_of_m, squaring_lag_m
@@ -40,6 +42,7 @@ def notes_on_motion(machine: Machine) -> Iterator[str]:
         need = required_command(axis.model, axis.theta_initial, axis.limits.max_voltage_v)
         yield from _heat(axis, program, need, machine.period_of(name))
         yield from _skew(axis, program, need, machine.period_of(name))
+        yield from _following(axis, program, machine.period_of(name))
 
 
 def _heat(axis: Axis, program: Program, need: RequiredVoltage, period_s: float) -> Iterator[str]:
@@ -85,4 +88,23 @@ def _skew(axis: Axis, program: Program, need: RequiredVoltage, period_s: float) 
             f"'{program.name}' where the ends differ by {guard.limit_m / skewed_m:.2g} of its "
             f"command, in their motors' force, friction or load: all of it would skew the beam by "
             f"{skewed_m:.3g} m; it may trip below {UNEVEN * skewed_m:.2g} m"
+        )
+
+
+def _following(axis: Axis, program: Program, period_s: float) -> Iterator[str]:
+    error, gains, place = (
+        axis.limits.following_error,
+        axis.gains,
+        axis.model.index_of("acceleration"),
+    )
+    if place is None or gains.command_filter is not None:
+        return
+    inertia = axis.estimates[place].initial
+    own = LawError(gains, inertia, program, axis.name, period_s, error.minimum_m)
+    if error.minimum_m < following_motion.NEAR * own.most_m:
+        yield (
+            f"axis {axis.name}: limits.following_error.minimum_m {error.minimum_m:g} is less than "
+            f"{following_motion.NEAR:g} times what the law itself stays behind in program "
+            f"'{program.name}', {own.most_m:.3g} m (gains.velocity published): it may trip "
+            "where something that no list has adds to that"
         )

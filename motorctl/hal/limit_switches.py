@@ -24,6 +24,11 @@ def untold_guard(flag: str, guard: str, axes: Iterable[str]) -> str:
         A pair of UNTOLD_GUARDS.
     axes
         The axes that lack it.
+
+    Returns
+    -------
+    str
+        A sentence for all of them.
     """
     return (
         f"no {flag} for {', '.join(axes)}: the device has no way to tell of one, and "

@@ -107,6 +107,36 @@ def test_a_skew_limit_that_the_program_may_trip_is_noted_with_how_far_the_ends_m
     assert "where the ends differ by 0.12 of its command" in note
 
 
+# The shipped gantry: 35.6 m/s^2 by half of 0.2 ms and k1 250 1/s are 14.2 um, and 14.6 um at most.
+
+
+def published(minimum_m, **error):
+    data = yaml.safe_load(shipped_config("published_gantry").read_text())
+    data["axes"]["x"]["limits"]["following_error"] = {"minimum_m": minimum_m, **error}
+    return data
+
+
+def test_a_following_error_that_the_law_itself_trips_in_every_program_is_refused(tmp_path):
+    (told,) = problems(tmp_path, published(10e-6))
+    assert told.key == "axes.x.limits.following_error.minimum_m"
+    assert told.line is not None
+    for part in ("found 1e-05", "always trip in program 'published_x'", "k1 250", "1.46e-05 m"):
+        assert part in told.message
+    assert problems(tmp_path, published(15e-6)) == ()
+    assert problems(tmp_path, published(10e-6, per_velocity_s=0.001)) == ()  # it is fast by then
+    data = published(10e-6)
+    data["axes"]["x"]["gains"]["velocity"] = "matched"
+    assert problems(tmp_path, data) == ()
+
+
+def test_a_following_error_that_the_law_comes_near_to_is_noted(tmp_path):
+    words = "what the law itself stays behind"
+    assert notes(tmp_path, published(44e-6), words) == []
+    (note,) = notes(tmp_path, published(20e-6), words)
+    assert "minimum_m 2e-05 is less than 3 times" in note
+    assert "in program 'published_x', 1.46e-05 m" in note
+
+
 # The motor's heat
 
 

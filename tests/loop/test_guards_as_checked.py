@@ -166,6 +166,7 @@ def test_a_slow_start_against_friction_trips_only_a_limit_that_check_refuses_or_
     # 0.1 V by ks k1, 95 V s/m x 250 1/s: 4.2 um; with the fast adaptation 3.3 um.
     error = {"minimum_m": limit_m, "per_velocity_s": 0.0, "filter_time_s": 0.0}
     data = shipped(limits={"following_error": error})
+    del data["axes"]["x"]["program"]  # which is fast
     refused = problems(tmp_path, data)
     assert bool(refused) is trips
     if not refused:
@@ -180,10 +181,28 @@ def test_a_slow_start_against_friction_trips_only_a_limit_that_check_refuses_or_
         assert (rig.fault_of("x") is FaultCause.FOLLOWING_ERROR) is trips
 
 
+# What the law itself stays behind
+
+
+@pytest.mark.parametrize(("limit_m", "trips"), [(12e-6, True), (18e-6, False)])
+def test_a_program_trips_a_following_error_that_the_law_is_beyond_with_an_exact_model(
+    tmp_path, limit_m, trips
+):
+    error = {"minimum_m": limit_m, "per_velocity_s": 0.0, "filter_time_s": 0.0}
+    data = shipped(limits={"following_error": error})
+    assert bool(problems(tmp_path, data)) is trips
+    machine = with_sim(gantry(), plants={0: THETA_0})
+    with Rig(with_axes(machine, ["x"], limits={"following_error": error})) as rig:
+        rig.start()
+        rig.follow({"x": machine.programs["published_x"].trajectories()["x"]})
+        rig.seconds(3.0)
+        assert (rig.fault_of("x") is FaultCause.FOLLOWING_ERROR) is trips
+
+
 # A beam that is squared
 
 
-@pytest.mark.parametrize(("limit_m", "trips"), [(4e-6, True), (17e-6, False)])
+@pytest.mark.parametrize(("limit_m", "trips"), [(4e-6, True), (9e-6, True), (17e-6, False)])
 def test_squaring_a_beam_trips_a_skew_limit_that_check_refuses(tmp_path, limit_m, trips):
     data = yaml.safe_load(shipped_config("dual_gantry").read_text())
     data["axes"]["x"]["guards"]["skew"]["limit_m"] = limit_m
