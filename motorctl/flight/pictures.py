@@ -11,6 +11,7 @@ import pyarrow as pa
 from numpy.typing import NDArray
 
 from motorctl.axis_units import units_in
+from motorctl.errors import UsageError
 from motorctl.flight.fault_moment import axes_of, fault_row
 from motorctl.flight.records import FlightRecord
 from motorctl.picture_style import COLOURS, draw_curve, panels_in_file
@@ -54,12 +55,23 @@ def plot_record(record: FlightRecord, rows: pa.Table, folder: Path) -> list[Path
     -------
     list of Path
         One picture for each axis.
+
+    Raises
+    ------
+    UsageError
+        Where they cannot be written.
     """
-    folder.mkdir(parents=True, exist_ok=True)
-    return [
-        _plot_axis(record, rows, axis, folder / f"{record.id}-{axis}.png")
-        for axis in axes_of(record)
-    ]
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        return [
+            _plot_axis(record, rows, axis, folder / f"{record.id}-{axis}.png")
+            for axis in axes_of(record)
+        ]
+    except OSError as error:
+        raise UsageError(
+            f"{folder}: pictures cannot be written: {error.strerror or error}; name a folder that "
+            "can be written to, with --out"
+        ) from error
 
 
 def _plot_axis(record: FlightRecord, rows: pa.Table, axis: str, path: Path) -> Path:

@@ -207,6 +207,18 @@ def test_show_draws_a_picture_of_each_axis(tmp_path: Path) -> None:
         assert np.any(np.all(np.abs(pixels - (0.827, 0.576, 0.51)) < 0.1, axis=-1))
 
 
+@pytest.mark.parametrize("under", ["file", "file/pictures"])
+def test_a_folder_of_pictures_that_cannot_be_made_is_told_in_a_line(
+    tmp_path: Path, under: str
+) -> None:
+    write_record(tmp_path / "faults")
+    (tmp_path / "file").write_text("of somebody")
+    shown = run("show", "--log-dir", str(tmp_path), "--out", str(tmp_path / under))
+    assert isinstance(shown.exception, UsageError)
+    assert f"{tmp_path / under}: pictures cannot be written" in str(shown.exception)
+    assert "\n" not in str(shown.exception)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("words", ["$\\frac{$", "a $ or $x_{$", "\x1b[2J\x07 speed", "wide " * 60])
 def test_words_of_others_are_drawn_and_shown_as_they_are(tmp_path: Path, words: str) -> None:
