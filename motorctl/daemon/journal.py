@@ -11,6 +11,7 @@ from motorctl.config.machine import Machine
 from motorctl.daemon.axis_faults import faults_of
 from motorctl.daemon.patient_stream import PatientHandler
 from motorctl.daemon.recorder import Recorder
+from motorctl.daemon.spell import Spell
 from motorctl.log.sample import AxisState
 from motorctl.loop import LoopMemory
 from motorctl.printable import printable
@@ -56,7 +57,7 @@ class Journal:
         self._machine = machine
         self._memory = memory
         self._states = dict.fromkeys(machine.axes, AxisState.OFF)
-        self._failure: str | None = None
+        self._spell = Spell()
 
     def tell_changes(self, recorder: Recorder) -> None:
         """Compare with the last call and tell what is new."""
@@ -70,9 +71,8 @@ class Journal:
                 reason = f": {fault['message']}" if fault else ""
                 level = logging.ERROR if fault else logging.INFO
                 _log.log(level, "axis %s: %s%s", name, state.name.lower(), reason)
-        if recorder.failure != self._failure:
-            self._failure = recorder.failure
-            if self._failure:
-                _log.error("recording: %s", self._failure)
+        if self._spell.is_news(recorder.failure):
+            if recorder.failure:
+                _log.error("recording: %s", recorder.failure)
             else:
                 _log.warning("recording resumed; %d rows were lost", recorder.rows_lost)

@@ -17,6 +17,7 @@ from motorctl.daemon.conversion import Conversion
 from motorctl.daemon.disk_outlook import DiskOutlook, Occupied, Outlook
 from motorctl.daemon.error_text import in_words
 from motorctl.daemon.rotating_log import RotatingLog, free_bytes, reserve_bytes
+from motorctl.daemon.spell import Spell
 from motorctl.log.folder import Removed, Retention, remove_outdated, stored_logs
 
 PERIOD_S = 1.0
@@ -91,7 +92,7 @@ class LogKeeper:
             recording_rate_of(machine),
             reserve_bytes(machine.recording, directory) / MEGABYTE,
         )
-        self._trouble: str | None = None
+        self._failing, self._troubled = Spell(), Spell()
         self._tidied_at = self._foretold_at = -math.inf
         self._freed_later = FreedLater()
         self._free_mb = math.nan
@@ -135,14 +136,19 @@ class LogKeeper:
                 do()
             except Exception as error:  # the recording and the machine go on
                 failure = in_words(error)
-        if failure != self.failure:
-            self.failure = failure
+        self.failure = failure
+        if self._failing.is_news(failure):
             if failure:
                 _log.error("logs: %s", failure)
-        if self.log is not None and self.log.trouble != self._trouble:
-            self._trouble = self.log.trouble
-            if self._trouble:
-                _log.error("recording: %s", self._trouble)
+            else:
+                _log.info("logs: what had failed can be done again")
+        if self.log is not None:
+            trouble = self.log.trouble
+            if self._troubled.is_news(trouble):
+                if trouble:
+                    _log.error("recording: %s", trouble)
+                else:
+                    _log.info("recording: logs are begun and ended again, now %s", self.log.path)
 
     def finish(self) -> list[str]:
         """Make logs of all that is left; call when the last one is closed. Return what failed."""
@@ -211,7 +217,11 @@ class LogKeeper:
         self._free_mb = free / MEGABYTE
         short = minimum is not None and self._freed_later.free(free) < minimum
         if short or time.monotonic() - self._tidied_at >= TIDY_PERIOD_S:
-            self._tidy()
+            try:
+                self._tidy()
+            except Exception:
+                self._tidied_at = -math.inf  # at every look, until it can be done
+                raise
 
     def _tidy(self) -> None:
         self._tidied_at = time.monotonic()
@@ -241,7 +251,6 @@ class LogKeeper:
         log, conversion = self.log, self.conversion
         if log is None or time.monotonic() - self._foretold_at < FORETELL_PERIOD_S:
             return
-        self._foretold_at = time.monotonic()
         logs = stored_logs(self._directory, self._machine.name)
         recorded = sum(stored.size_bytes for stored in logs if stored.partial)
         known = conversion.recorded_bytes
@@ -253,6 +262,7 @@ class LogKeeper:
         )
         first = self.outlook is None
         self.outlook = self._disk.look(log.time_s, log.bytes_written, occupied)
+        self._foretold_at = time.monotonic()
         hours = self.outlook.hours_left
         if first:
             lasts = "retention keeps it free" if hours is None else f"enough for {_hours(hours)}"
