@@ -231,6 +231,9 @@ def _loop(loop: Mapping[str, Any], recording: Mapping[str, Any]) -> Table:
         lost = recording["rows_lost"]
         counted = f"{recording['rows']:,} ticks, {lost:,} lost"
         table.add_row("recording", Text(counted, "bold red" if lost else ""))
+        why = recording.get("lost_because")  # none of an older daemon
+        if lost and why and not recording["failure"]:
+            table.add_row("", Text(f"lost: {why}", "bold red", overflow="fold"))
         table.add_row("", Text(_broken(recording["file"]), "dim", overflow="fold"))
         for text in _logs(recording):
             table.add_row("", text)

@@ -10,8 +10,6 @@ from contextlib import contextmanager
 from motorctl.config.machine import Machine
 from motorctl.daemon.axis_faults import faults_of
 from motorctl.daemon.patient_stream import PatientHandler
-from motorctl.daemon.recorder import Recorder
-from motorctl.daemon.spell import Spell
 from motorctl.log.sample import AxisState
 from motorctl.loop import LoopMemory
 from motorctl.printable import printable
@@ -51,15 +49,14 @@ def journal() -> Iterator[None]:
 
 
 class Journal:
-    """Tells changes once: of the axes' states, and of the recording."""
+    """Tells changes of the axes' states once."""
 
     def __init__(self, machine: Machine, memory: LoopMemory) -> None:
         self._machine = machine
         self._memory = memory
         self._states = dict.fromkeys(machine.axes, AxisState.OFF)
-        self._spell = Spell()
 
-    def tell_changes(self, recorder: Recorder) -> None:
+    def tell_changes(self) -> None:
         """Compare with the last call and tell what is new."""
         statuses = self._memory.axis_status
         faults = faults_of(self._machine, statuses)
@@ -71,8 +68,3 @@ class Journal:
                 reason = f": {fault['message']}" if fault else ""
                 level = logging.ERROR if fault else logging.INFO
                 _log.log(level, "axis %s: %s%s", name, state.name.lower(), reason)
-        if self._spell.is_news(recorder.failure):
-            if recorder.failure:
-                _log.error("recording: %s", recorder.failure)
-            else:
-                _log.warning("recording resumed; %d rows were lost", recorder.rows_lost)

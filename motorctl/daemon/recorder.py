@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import threading
+import time
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, Protocol
@@ -51,10 +52,15 @@ class Recorder:
         self.rows_written = 0
         self.rows_lost = 0
         """Ticks that are not in the log: overwritten in the ring, or refused by the disk."""
+        self.rows_overwritten = 0
+        """Of those that are lost, the ones that were overwritten in the ring."""
+        self.progress = 0
+        """Grows with every look into the ring and all rows that the log took or refused: it stands
+        still where a write does not come back."""
         self.failure: str | None = None
         """Why the last rows were not written, or None."""
         self.lost_because: str | None = None
-        """Why rows of this recording were refused, also where later ones could be written again."""
+        """Why rows of this recording were lost, also where later ones could be written again."""
         self.timing = TimingSummary()
         self.begin_other_models: Callable[[], None] | None = None
         """Called before the first row of other models comes, which has other columns."""
@@ -62,6 +68,10 @@ class Recorder:
         """The first row of the models whose log is being recorded."""
         self._memory = memory
         self._log = log
+        self._drained_s: float | None = None
+        """When the ring was drained the last time."""
+        self._wrote_s = 0.0
+        """How long it took to write what came then."""
         self._ending = threading.Event()
         self._thread = self._new_thread()
 
@@ -112,12 +122,39 @@ class Recorder:
             self._drain()
         except Exception as error:  # whatever it was: the next rows are tried again
             self.failure = self.lost_because = in_words(error)
+        self.progress += 1
 
     def _drain(self) -> None:
         ticks, samples, lost = self._memory.drain()
-        self.rows_lost += lost
-        if not len(ticks):
-            return
+        began_s = time.monotonic()
+        if lost:
+            self.rows_lost += lost
+            self.rows_overwritten += lost
+            held_s = float(ticks["time_s"][-1] - ticks["time_s"][0]) if len(ticks) else 0.0
+            self.lost_because = self._why_overwritten(began_s, held_s)
+        self._drained_s, self._wrote_s = began_s, 0.0
+        if len(ticks):
+            try:
+                self._write(ticks, samples)
+            finally:
+                self._wrote_s = time.monotonic() - began_s
+
+    def _why_overwritten(self, now_s: float, held_s: float) -> str:
+        holds = f"memory holds the rows of {held_s:.1f} s"
+        if self._drained_s is None:
+            return f"they came before the log was begun, and {holds}"
+        apart_s = now_s - self._drained_s
+        if self._wrote_s < apart_s / 2:
+            return (
+                f"{holds}, and the supervisor fetched none for {apart_s:.1f} s: it stood still, or "
+                "got no processor"
+            )
+        return (
+            f"{holds}, and the disk took {self._wrote_s:.1f} s over those before; `dmesg` may tell "
+            "why it hung"
+        )
+
+    def _write(self, ticks: NDArray[np.void], samples: NDArray[np.void]) -> None:
         failure = None
         ends = [*range(ROWS_AT_ONCE, len(ticks), ROWS_AT_ONCE), len(ticks)]
         changed = self._memory.models_row
@@ -141,6 +178,7 @@ class Recorder:
                 failure = in_words(error)
             self.rows_written += self._log.rows - written
             self.rows_lost += self._log.rows_lost - refused
+            self.progress += 1
         self.failure = failure
         self.lost_because = failure or self.lost_because
         self.timing.add(ticks["tick"], ticks["time_s"], ticks["lateness_s"], ticks["turnaround_s"])

@@ -18,6 +18,7 @@ from motorctl.daemon.flight_recorder import LOOP_ENDED, FlightRecorder
 from motorctl.daemon.log_keeper import LogKeeper
 from motorctl.daemon.model_changes import ModelChanges
 from motorctl.daemon.recorder import Recorder
+from motorctl.daemon.recording_watch import RecordingWatch
 from motorctl.hal import Status
 from motorctl.json_values import finite
 from motorctl.log.sample import AxisState
@@ -53,6 +54,7 @@ class Report:
         self._socket = socket
         self._started_at = time.monotonic()
         self.recorder: Recorder | None = None
+        self.recording_watch: RecordingWatch | None = None
         self.flight: FlightRecorder | None = None
         self.keeper: LogKeeper | None = None
         self.config: ConfigWatch | None = None
@@ -167,12 +169,14 @@ class Report:
 
     def _recording(self) -> dict[str, Any]:
         recorder = self.recorder
+        seen = self.recording_watch or recorder  # it sees more than the recorder does
         return {
             # whoever reads it may have been started in another folder
             "file": str(recorder.path.absolute()) if recorder else None,
             "rows": recorder.rows_written if recorder else 0,
-            "rows_lost": recorder.rows_lost if recorder else 0,
-            "failure": recorder.failure if recorder else None,
+            "rows_lost": seen.rows_lost if seen else 0,
+            "lost_because": recorder.lost_because if recorder else None,
+            "failure": seen.failure if seen else None,
             **(self.keeper.status() if self.keeper else {}),
             "flight_records": self._flight_records(),
         }

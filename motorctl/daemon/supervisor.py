@@ -34,6 +34,7 @@ from motorctl.daemon.model_history import ModelHistory
 from motorctl.daemon.notify import ServiceNotifier
 from motorctl.daemon.paths import daemon_socket, run_file, state_file
 from motorctl.daemon.recorder import Recorder
+from motorctl.daemon.recording_watch import RecordingWatch
 from motorctl.daemon.reopening import Reopening
 from motorctl.daemon.report import Report
 from motorctl.daemon.rotating_log import RotatingLog
@@ -150,6 +151,7 @@ class Supervisor:
         self._notifier = ServiceNotifier()
         self._ending = Ending(self._notifier)
         self._recorder: Recorder | None = None
+        self._recording_watch: RecordingWatch | None = None
         self._log: RotatingLog | None = None
         self._keeper = LogKeeper(machine, directory)
         self._last_run = LastRun(machine, run_file(machine.name))
@@ -250,10 +252,12 @@ class Supervisor:
         # In threads: the loop ticks already, and waits half a second for a sign of life.
         await asyncio.to_thread(self._beside.end)
         log = self._log = await asyncio.to_thread(self._new_log)
-        self._recorder = self._report.recorder = Recorder(self._loop.memory, log)
-        self._recorder.start()
+        recorder = self._recorder = self._report.recorder = Recorder(self._loop.memory, log)
+        watch = RecordingWatch(recorder, self._loop.memory, self.machine.rate_hz)
+        self._recording_watch = self._report.recording_watch = watch
+        recorder.start()
         self._keeper.start(log, self._loop.cpus)
-        self._announce(self._recorder)
+        self._announce(recorder)
 
     async def _serve(self) -> None:
         """Watch over the loop until somebody asks to stop."""
@@ -271,8 +275,9 @@ class Supervisor:
 
     def _look_at_axes(self) -> None:
         """Tell and keep what became of the axes; before each reset, too, or a fault were missed."""
-        if self._recorder is not None:
-            self._journal.tell_changes(self._recorder)
+        if self._recording_watch is not None:
+            self._recording_watch.look()
+            self._journal.tell_changes()
         self._flight.watch()
         self._models.watch()
 

@@ -128,6 +128,21 @@ class SampleRing:
         """How many rows were drained so far."""
         return self._drained
 
+    @property
+    def overwritten(self) -> int:
+        """How many rows are overwritten that were not drained: the next `drain` counts them."""
+        return max(0, -self.room)
+
+    @property
+    def room(self) -> int:
+        """How many rows can still come before one is overwritten that was not drained.
+
+        Negative where some are.
+        """
+        head: int = self._look_at(self.status, Word.RING_HEAD)  # first: who drains may be a thread
+        # The row before the oldest may be written anew just now: `drain` gives it up, too.
+        return self._drained + self.ring_rows - 1 - head
+
     def newest_of_models(self) -> tuple[NDArray[np.void], NDArray[np.void]]:
         """Copy the rows that the ring still holds of the models that run now; as `newest`."""
         return self._copy_from(self.models_row)[:2]

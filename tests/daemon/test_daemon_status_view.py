@@ -59,6 +59,12 @@ DOCUMENT: dict[str, Any] = {
 }
 
 ROOM = {"free_mb": 230_000.0, "closed_mb_h": 1480.2, "hours_left": 155.0, "warning": None}
+LOST = {
+    **DOCUMENT["recording"],
+    "rows": 1_200_000,
+    "rows_lost": 7,
+    "lost_because": "memory holds the rows of 8.0 s, and the disk took 15.8 s over those before",
+}
 REMOVED = {"removed": 3, "removed_mb": 1234.0, "because": "free space", "failure": None}
 
 
@@ -151,6 +157,8 @@ def test_what_matters_is_on_it() -> None:
         ("loop.degraded", ["the kernel is not PREEMPT_RT"], "! the kernel is not"),
         ("loop.overruns", 1234, "1,234, 0 periods skipped"),
         ("recording.failure", "run.partial: No space left", "No space left"),
+        ("recording", LOST, "1,200,000 ticks, 7 lost"),
+        ("recording", LOST, "lost: memory holds the rows of 8.0 s, and the disk took"),
         ("recording.file", None, "overruns"),
         ("recording.paused", True, "paused: every axis is off"),
         ("recording.trouble", "the next log cannot be begun", "the next log cannot"),

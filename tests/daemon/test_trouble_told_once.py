@@ -16,9 +16,9 @@ from recorded_ring import AXES, Ring, ring, rotating, settings
 
 from motorctl.config import load
 from motorctl.daemon import spell
-from motorctl.daemon.journal import Journal
 from motorctl.daemon.log_keeper import LogKeeper
 from motorctl.daemon.recorder import Recorder
+from motorctl.daemon.recording_watch import RecordingWatch
 from motorctl.daemon.spell import Spell
 
 NOON = datetime(2026, 1, 1, 12, tzinfo=UTC)
@@ -64,7 +64,7 @@ class Told:
         self.recorder = Recorder(bench.memory, self.log)
         self.keeper = LogKeeper(machine, folder)
         self.keeper.log = self.log
-        self._journal = Journal(machine, bench.memory)
+        self._watch = RecordingWatch(self.recorder, bench.memory, bench.rate_hz)
         self._bench = bench
 
     def _later(self) -> datetime:
@@ -75,7 +75,7 @@ class Told:
         for _ in range(times):
             self._bench.run(2000)
             self.recorder._take()
-            self._journal.tell_changes(self.recorder)
+            self._watch.look()
             self.keeper.look()
 
 
@@ -167,6 +167,21 @@ def test_a_trouble_that_comes_and_goes_within_seconds_is_one_spell() -> None:
     assert trouble.is_news(None)
     assert not trouble.is_news(None)
     assert trouble.is_news("it fails")
+
+
+def test_what_comes_and_goes_all_day_is_told_a_few_times_an_hour() -> None:
+    clock = Clock()
+    trouble, told = Spell(10.0, clock), 0
+    for second in range(86_400):
+        clock.now_s = float(second)
+        told += trouble.is_news("it fails" if second % 30 == 0 else None)
+    assert told < 20
+    clock.now_s += 3600.0
+    assert trouble.is_news(None)
+    clock.now_s += 3600.0
+    assert trouble.is_news("it fails")
+    clock.now_s += 11.0
+    assert trouble.is_news(None)
 
 
 def test_other_words_are_another_cause_and_other_numbers_are_not() -> None:
