@@ -1,9 +1,15 @@
-"""How long recording can go on: the rate at which it takes space, and the space that is left."""
+"""How long recording can go on: the rate at which it takes space, and the space that is left.
+
+And how many files can still be made, which may be none on a disk with much space.
+"""
 
 from __future__ import annotations
 
+import math
+import os
 from collections import deque
 from dataclasses import dataclass
+from pathlib import Path
 
 from motorctl.config.recording_keys import RecordingKeys
 from motorctl.config.recording_rules import (
@@ -17,6 +23,47 @@ WINDOW_S = 600.0
 """The present rate is that of the last ten minutes: long for a motion, short for a shift."""
 KNOWN_AFTER_S = 10.0
 """Until then the rate is what the machine records while nothing is left out."""
+
+FEW_FILES = 100
+"""Of files that can still be made [1]: with fewer it is told. Larger: small disks are told of for
+nothing. Smaller: less time is left. Arithmetic: an hour of the shortest logs there may be, a minute
+each, with two more files for one while it is made smaller, and some flight records."""
+
+
+def files_left(folder: Path) -> float:
+    """Return how many files an ordinary user may still make on a folder's disk; inf: no limit."""
+    stat = os.statvfs(folder)
+    return float(stat.f_favail) if stat.f_files else math.inf
+
+
+class FilesOutlook:
+    """Follows how many files can still be made on a disk, and says when they are few."""
+
+    def __init__(self) -> None:
+        self.left: float = math.inf
+        self._told_below = float(FEW_FILES)
+
+    def look(self, left: float) -> bool:
+        """Take how many are left; tell whether `warning` is news: again with half as many."""
+        self.left = left
+        if left >= FEW_FILES:
+            self._told_below = float(FEW_FILES)
+            return False
+        if left >= self._told_below:
+            return False
+        self._told_below = left / 2
+        return True
+
+    @property
+    def warning(self) -> str | None:
+        """In words, where they are few; None: they are not."""
+        if self.left >= FEW_FILES:
+            return None
+        return (
+            f"only {self.left:.0f} more files can be made (warned below {FEW_FILES}), whatever "
+            "space is free; where none can, no next log is begun and none made smaller: remove "
+            "files from the disk of the logs (`df -i` tells)"
+        )
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ from motorctl.config.machine import Machine
 from motorctl.config.recording_rules import MEGABYTE
 from motorctl.config.recording_summary import recording_rate_of
 from motorctl.daemon.conversion import Conversion
-from motorctl.daemon.disk_outlook import DiskOutlook, Occupied, Outlook
+from motorctl.daemon.disk_outlook import DiskOutlook, FilesOutlook, Occupied, Outlook, files_left
 from motorctl.daemon.error_text import in_words
 from motorctl.daemon.rotating_log import RotatingLog, free_bytes, reserve_bytes
 from motorctl.daemon.spell import Spell
@@ -63,10 +63,16 @@ class LogKeeper:
         Of the logs.
     free
         Asked for the free space of a folder's disk, in bytes.
+    files
+        Asked for how many files can still be made on it.
     """
 
     def __init__(
-        self, machine: Machine, directory: Path, free: Callable[[Path], float] = free_bytes
+        self,
+        machine: Machine,
+        directory: Path,
+        free: Callable[[Path], float] = free_bytes,
+        files: Callable[[Path], float] = files_left,
     ) -> None:
         self.log: RotatingLog | None = None
         self.outlook: Outlook | None = None
@@ -79,6 +85,7 @@ class LogKeeper:
         self._machine = machine
         self._directory = directory
         self._free = free
+        self._ask_files, self._files = files, FilesOutlook()
         kept, disk = machine.recording.retention, machine.recording.disk
         self._retention = Retention(
             max_age_s=None if kept.max_age_days is None else kept.max_age_days * SECONDS_A_DAY,
@@ -165,6 +172,10 @@ class LogKeeper:
     @property
     def warning(self) -> str | None:
         """In words, where recording cannot go on for long; None: it can."""
+        return "; ".join(filter(None, (self._space_warning, self._files.warning))) or None
+
+    @property
+    def _space_warning(self) -> str | None:
         outlook = self.outlook
         if outlook is None or outlook.hours_left is None:
             return None
@@ -194,6 +205,7 @@ class LogKeeper:
             },
             "disk": {
                 "free_mb": _rounded(self._free_mb),
+                "free_files": int(self._files.left) if math.isfinite(self._files.left) else None,
                 "recorded_mb_h": _rounded(outlook.recorded_mb_h if outlook else None),
                 "closed_mb_h": _rounded(outlook.closed_mb_h if outlook else None),
                 "hours_left": _rounded(outlook.hours_left if outlook else None),
@@ -272,7 +284,9 @@ class LogKeeper:
             self._warn_again_h = math.inf
         elif hours < self._warn_again_h:
             self._warn_again_h = hours / 2  # again when only half of it is left
-            _log.warning("disk: %s", self.warning)
+            _log.warning("disk: %s", self._space_warning)
+        if self._files.look(self._ask_files(self._directory)):
+            _log.warning("disk: %s", self._files.warning)
 
 
 def _bytes(megabytes: float | None) -> float | None:

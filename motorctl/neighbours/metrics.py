@@ -103,6 +103,8 @@ OF_RECORDER: Sequence[Family] = (
     (GaugeMetricFamily, "paused", "Whether it pauses as every axis is off.", _key("paused")),
     (GaugeMetricFamily, "disk_free_bytes", "Free space of the disk that is recorded to.",
      _within("disk", "free_mb", BYTES_PER_MEGABYTE)),
+    (GaugeMetricFamily, "disk_free_files", "How many files can still be made on it.",
+     _within("disk", "free_files")),
     (GaugeMetricFamily, "disk_left_seconds", "For how long that is enough.",
      _within("disk", "hours_left", SECONDS_PER_HOUR)),
     (CounterMetricFamily, "logs_removed", "Old logs that were removed to make room.",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import logging
+import math
 import os
 import re
 import signal
@@ -12,6 +13,7 @@ import sys
 import time
 from collections.abc import Iterator
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from daemon_rig import bench_config, wait_until
@@ -22,7 +24,7 @@ from motorctl.config.machine import Machine
 from motorctl.config.recording_rules import RecordingRate
 from motorctl.daemon import log_keeper
 from motorctl.daemon.conversion import Conversion
-from motorctl.daemon.disk_outlook import DiskOutlook, Occupied
+from motorctl.daemon.disk_outlook import DiskOutlook, Occupied, files_left
 from motorctl.daemon.log_keeper import LogKeeper
 from motorctl.daemon.rotating_log import RotatingLog
 from motorctl.log.folder import stored_logs
@@ -367,6 +369,42 @@ def test_a_warning_tells_how_many_hours_are_left_once_until_half_of_them_are_gon
     assert 30.0 <= float(told[1]) < 40.0
     log.close({})
     keeper.finish()
+
+
+def test_a_disk_on_which_few_files_can_be_made_is_told_until_half_of_them_are_gone(
+    bench: Ring, tmp_path: Path, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("motorctl.daemon.log_keeper.FORETELL_PERIOD_S", 0.0)
+    left = [100.0]
+    here = machine(tmp_path)
+    keeper = LogKeeper(here, tmp_path, lambda _: MUCH, lambda _: left[0])
+    keeper.log = rotating(tmp_path, here.recording, keeper.take)
+    with caplog.at_level(logging.WARNING, "motorctl"):
+        keeper.look()
+        assert (keeper.warning, caplog.messages) == (None, [])
+        for left[0] in (90.0, 80.0, 60.0, 40.0, 30.0):
+            keeper.look()
+            assert f"only {left[0]:.0f} more files can be made" in str(keeper.warning)
+        assert [text.split(" (")[0] for text in caplog.messages] == [
+            "disk: only 90 more files can be made",
+            "disk: only 40 more files can be made",
+        ]
+        told = keeper.status()["disk"]
+        assert (told["free_files"], told["warning"]) == (30, keeper.warning)
+        for left[0] in (5000.0, math.inf):
+            keeper.look()
+            assert keeper.warning is None
+    assert keeper.status()["disk"]["free_files"] is None
+    assert len(caplog.messages) == 2
+
+
+@pytest.mark.parametrize(("files", "left"), [(0, math.inf), (1000, 7.0)])
+def test_a_disk_that_counts_no_files_has_no_limit_of_them(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, files: int, left: float
+) -> None:
+    counted = SimpleNamespace(f_files=files, f_favail=7 if files else 0)
+    monkeypatch.setattr("motorctl.daemon.disk_outlook.os.statvfs", lambda _: counted)
+    assert files_left(tmp_path) == left
 
 
 RATE = RecordingRate(row_bytes=328, rate_hz=5000.0)

@@ -76,7 +76,7 @@ def test_numbers_are_those_of_the_status_in_base_units(tmp_path: Path) -> None:
         document = document_of(rig, report)
     assert value(read(text_of(document)), "recorder_trouble") == 0.0
     document["recording"] |= {"trouble": "the next log cannot be begun", "rows_lost": 7}
-    document["recording"] |= {"disk": {"free_mb": 250.0, "hours_left": 2.0}}
+    document["recording"] |= {"disk": {"free_mb": 250.0, "free_files": 12, "hours_left": 2.0}}
     timing = {"p50_s": 4e-6, "p99_s": 9e-6, "p999_s": 2e-5, "max_s": 3e-4, "max_at_s": 1.0}
     document["loop"]["turnaround"] = timing
     samples, x = read(text_of(document)), document["axes"]["x"]
@@ -92,6 +92,7 @@ def test_numbers_are_those_of_the_status_in_base_units(tmp_path: Path) -> None:
     assert value(samples, "recorder_rows_lost_total") == 7
     assert value(samples, "recorder_trouble") == 1.0
     assert value(samples, "recorder_disk_free_bytes") == 250e6
+    assert value(samples, "recorder_disk_free_files") == 12
     assert value(samples, "recorder_disk_left_seconds") == 7200
     assert value(samples, "loop_turnaround_seconds", quantile="0.99") == 9e-6
     assert value(samples, "loop_turnaround_max_seconds") == 3e-4
