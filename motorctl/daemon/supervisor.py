@@ -307,12 +307,13 @@ class Supervisor:
         wrong: list[str] = []
         close = partial(self._recorder.finish, self._closing_facts)
         wrong += await _problems(self._ending.wait_for("closing the log", close))
+        seen = self._recording_watch or self._recorder  # it sees what a write that hangs costs, too
+        rows, lost = self._recorder.rows_written, seen.rows_lost
         if not wrong:
-            rows, lost = self._recorder.rows_written, self._recorder.rows_lost
             _log.info("log %s: %d ticks, %d lost", self._recorder.path, rows, lost)
-            why = self._recorder.failure or self._recorder.lost_because
-            if why is not None:
-                wrong.append(f"recording: {why}; {lost} rows were lost")
+        why = seen.failure or self._recorder.lost_because
+        if why is not None and (lost or not wrong):
+            wrong.append(f"recording: {why}; {lost} rows were lost")
         finishing = asyncio.create_task(
             self._ending.wait_for("making logs of what was recorded", self._keeper.finish)
         )

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import logging
 import os
+import re
 import signal
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import pyarrow.parquet as pq
 import pytest
@@ -17,6 +21,7 @@ from daemon_rig import bench_config, wait_until
 from recorded_ring import Ring, metadata_of, ring, rotating, settings
 
 from motorctl.config import load
+from motorctl.config.machine import Machine
 from motorctl.daemon import spell, supervisor
 from motorctl.daemon.client import Client
 from motorctl.daemon.last_run import LastRun
@@ -175,6 +180,35 @@ def test_rows_that_nobody_fetched_are_told_with_another_reason_than_the_disk(
         made.recorder.finish(dict)
 
 
+Status = dict[str, Any]
+
+
+def run_and_play(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, play: Callable[[Callable[[], Status]], None]
+) -> tuple[str, Machine]:
+    """Run a daemon as long as `play` plays with it; return what it ends with, and its machine."""
+
+    def playing() -> None:
+        wait_until(lambda: (folder / "s").exists() and any(folder.glob("*.partial")), 240)
+        with Client(folder / "s") as client:
+            try:
+                wait_until(lambda: client.ask("status")["recording"]["rows"])
+                play(lambda: client.ask("status")["recording"])
+            finally:
+                os.kill(os.getpid(), signal.SIGTERM)
+
+    monkeypatch.setenv("XDG_STATE_HOME", str(folder / "state"))
+    (folder / "bench.yaml").write_text(bench_config())
+    machine = load(str(folder / "bench.yaml"))
+    options = supervisor.DaemonOptions(socket=folder / "s", log_directory=folder)
+    player = threading.Thread(target=playing)
+    player.start()
+    with pytest.raises(RunError) as ended:
+        supervisor.run_daemon(machine, options)
+    player.join()
+    return str(ended.value), machine
+
+
 @pytest.mark.slow
 @pytest.mark.wall_clock(lanes=3)
 def test_a_run_that_lost_rows_to_a_hanging_disk_says_so_and_ends_with_it(
@@ -183,38 +217,20 @@ def test_a_run_that_lost_rows_to_a_hanging_disk_says_so_and_ends_with_it(
     disk: Disk,
     caplog: pytest.LogCaptureFixture,
 ) -> None:
-    def play() -> None:
-        wait_until(lambda: (tmp_path / "s").exists() and any(tmp_path.glob("*.partial")), 240)
-        with Client(tmp_path / "s") as client:
+    seen: list[Status] = []
 
-            def recorded() -> dict[str, object]:
-                told: dict[str, object] = client.ask("status")["recording"]
-                return told
+    def play(recorded: Callable[[], Status]) -> None:
+        disk.hang()
+        wait_until(lambda: "taken nothing for" in str(recorded()["failure"]))
+        wait_until(lambda: recorded()["rows_lost"] > 200, 60)
+        seen.append(recorded())
+        disk.go_on()
+        wait_until(lambda: any("rows were lost: memory" in text for text in caplog.messages))
+        seen.append(recorded())
 
-            wait_until(lambda: recorded()["rows"])
-            disk.hang()
-            wait_until(lambda: "taken nothing for" in str(recorded()["failure"]))
-            wait_until(lambda: int(str(recorded()["rows_lost"])) > 200, 60)
-            seen.append(recorded())
-            disk.go_on()
-            wait_until(lambda: any("rows were lost: memory" in text for text in caplog.messages))
-            seen.append(recorded())
-            os.kill(os.getpid(), signal.SIGTERM)
-
-    seen: list[dict[str, object]] = []
-    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
-    (tmp_path / "bench.yaml").write_text(bench_config())
-    machine = load(str(tmp_path / "bench.yaml"))
-    options = supervisor.DaemonOptions(socket=tmp_path / "s", log_directory=tmp_path)
-    playing = threading.Thread(target=play)
-    playing.start()
-    with (
-        caplog.at_level(logging.INFO, "motorctl"),
-        pytest.raises(RunError, match=r"the disk took \d.* rows were lost"),
-    ):
-        supervisor.run_daemon(machine, options)
-    playing.join()
-    assert "memory is full" in str(seen[0]["failure"])
+    with caplog.at_level(logging.INFO, "motorctl"):
+        ended, machine = run_and_play(tmp_path, monkeypatch, play)
+    assert "memory is full" in seen[0]["failure"]
     assert seen[1]["failure"] is None
     told = [text for text in caplog.messages if "taken nothing for" in text]
     assert len(told) == 2, told
@@ -225,5 +241,28 @@ def test_a_run_that_lost_rows_to_a_hanging_disk_says_so_and_ends_with_it(
     ticks = table["tick"].to_numpy()
     assert lost == seen[1]["rows_lost"]
     assert 0 < lost <= ticks[-1] - ticks[0] + 1 - len(ticks) <= lost + skipped
+    assert "the disk took" in ended
+    assert f"{lost} rows were lost" in ended
     (remark,) = LastRun(machine, run_file(machine.name)).begin()
     assert f"{lost} rows were lost" in remark
+
+
+@pytest.mark.slow
+@pytest.mark.wall_clock(lanes=3)
+def test_a_run_whose_log_cannot_be_finished_says_besides_how_many_rows_were_lost(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refused(*_: object) -> int:
+        raise OSError(errno.EIO, os.strerror(errno.EIO))
+
+    def play(recorded: Callable[[], Status]) -> None:
+        for call in ("write", "ftruncate"):
+            monkeypatch.setattr(f"motorctl.log.writer.os.{call}", refused)
+        monkeypatch.setattr("motorctl.log.writer.convert", refused)
+        wait_until(lambda: recorded()["rows_lost"] > 0)
+
+    with monkeypatch.context() as patched:
+        patched.setattr("motorctl.log.writer.os", SimpleNamespace(**vars(os)))  # the log's alone
+        ended, _ = run_and_play(tmp_path, monkeypatch, play)
+    assert "cannot be finished" in ended
+    assert re.search(r"Input/output error; [1-9]\d* rows were lost", ended)
