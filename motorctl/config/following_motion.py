@@ -49,15 +49,19 @@ class LawError:
     ) -> None:
         trajectory = program.trajectories()[axis]
         ticks = min(round(trajectory.duration_s / program.cycles / period_s), MOST_PERIODS)
-        x, self.velocity_m_s, _ = trajectory.sample(period_s * np.arange(ticks + 1))
         self.error_m: Array = np.zeros(ticks)
         """At each tick [m], (N,)."""
+        self.velocity_m_s: Array = np.zeros(ticks)
+        """Desired, at each tick [m/s], (N,)."""
+        if not ticks:
+            return
+        x, velocity_m_s, _ = trajectory.sample(period_s * np.arange(ticks + 1))
+        self.velocity_m_s = velocity_m_s[1:]
         if gains.velocity == "published":
-            lacking_m_s = self.velocity_m_s[1:] - np.diff(x) / period_s
+            lacking_m_s = self.velocity_m_s - np.diff(x) / period_s
             settled_m = np.abs(lacking_m_s).max(initial=0.0) / gains.k1_1_s
             if NEAR * OVERSHOOT * settled_m > least_m:
                 self.error_m = _errors_m(gains, inertia_v_s2_m, lacking_m_s, period_s)
-        self.velocity_m_s = self.velocity_m_s[1:]
 
     @property
     def most_m(self) -> float:

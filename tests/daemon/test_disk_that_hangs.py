@@ -139,6 +139,7 @@ def test_rows_that_memory_held_no_longer_are_told_while_they_are_lost_and_in_the
         assert told["rows_lost"] == lost
         assert f"memory is full: rows are being lost, {lost} so far" in told["failure"]
         assert [record.levelno for record in caplog.records] == [logging.WARNING, logging.ERROR]
+        time.sleep(1.0)  # the recorder's own clock is the computer's
         disk.go_on()
         recording.wait_until_all_is_written()
         recording.seconds(1)
