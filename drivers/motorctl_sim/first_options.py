@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from itertools import pairwise
@@ -68,6 +69,10 @@ def _plant(axis: FirstAxis) -> dict[str, Any]:
     room = ROOM * (high - low)
     inertia = axis.inertia_v_s2_m
     home = axis.home_position_m
+
+    def place(value: float) -> float:
+        return _rounded_to(value, room)
+
     plant: dict[str, Any] = {
         "inertia_v_s2_m": inertia,
         "viscous_friction_v_s_m": axis.viscous_friction_v_s_m,
@@ -76,12 +81,9 @@ def _plant(axis: FirstAxis) -> dict[str, Any]:
         "em_quadratic_1_v": 0.0,
         "em_cubic_1_v2": 0.0,
         "force_noise_rms_v": _rounded(FORCE_NOISE * axis.max_voltage_v),
-        "travel_m": [_rounded(low - room), _rounded(high + room)],
-        "limit_switches_m": [
-            _rounded(low - SWITCH_SHARE * room),
-            _rounded(high + SWITCH_SHARE * room),
-        ],
-        "initial_position_m": _rounded(0.5 * (low + high)),
+        "travel_m": [place(low - room), place(high + room)],
+        "limit_switches_m": [place(low - SWITCH_SHARE * room), place(high + SWITCH_SHARE * room)],
+        "initial_position_m": place(0.5 * (low + high)),
         "end_stop": {
             "stiffness_v_m": _rounded(STIFFNESS_1_S2 * inertia),
             "damping_v_s_m": _rounded(DAMPING_1_S * inertia),
@@ -94,11 +96,11 @@ def _plant(axis: FirstAxis) -> dict[str, Any]:
         plant["friction_slope_s_m"] = axis.friction_slope_s_m
     if axis.homing.startswith("switch"):
         edge = home if axis.homing == "switch" else home - SWITCH_SHARE * FREE_SHARE * (high - low)
-        plant["home_switch"] = {"to_m": _rounded(edge)}
+        plant["home_switch"] = {"to_m": place(edge)}
     if axis.homing.endswith("index"):
         plant["encoder"]["index_marks_m"] = [home]
     if axis.homing == "index":  # it is searched upwards, so from below the mark
-        plant["initial_position_m"] = _rounded(home - FREE_SHARE * (home - low))
+        plant["initial_position_m"] = place(home - FREE_SHARE * (home - low))
     if axis.delay_s:
         plant["input_delay"] = {"time_s": axis.delay_s}
     return plant
@@ -137,3 +139,8 @@ def _found(number: int, plant: Plant) -> FoundAxis:
 def _rounded(value: float) -> float:
     """Return a number of four digits: nobody has told more."""
     return float(f"{value:.4g}")
+
+
+def _rounded_to(place_m: float, room_m: float) -> float:
+    """Return a place to a thousandth of the room around it: a short travel may lie far from 0."""
+    return round(place_m, 3 - math.floor(math.log10(room_m)))

@@ -175,7 +175,8 @@ def _build(
         for name, part in parts.items():
             problems += check_way(document, part, ways.get(name, ()), programs)
             problems += check_slow_motion(document, part, rates.get(name))
-            problems += check_following(document, part, programs, rates.get(name))
+            if not any(p.key == "rate_hz" or p.key.startswith(f"axes.{name}.") for p in problems):
+                problems += check_following(document, part, programs, rates.get(name))
             problems += check_followed(document, name, programs)
     further, refused = read_further_effects(document)
     problems += refused if hardware else []  # a log may be read where they are not installed
