@@ -185,15 +185,16 @@ def reset(axis: str, on_wait: OnWait | None) -> Conversation[Reset]:
 def reset_all(on_wait: OnWait | None) -> Conversation[tuple[Reset, ...]]:
     """Clear the fault of every axis that has one; what is refused is told once all were asked."""
     axes = (yield Ask("status"))["axes"]
-    failures: list[MotorctlError] = []
+    refused: list[DaemonRefusedError] = []
     done = []
     for axis in (name for name, told in axes.items() if told["state"] == "fault"):
         try:
             done.append((yield from reset(axis, on_wait)))
         except DaemonRefusedError as no:
-            failures.append(no)
-    if failures:
-        raise failures[0]
+            refused.append(no)
+    if refused:
+        off = "".join(f"; axis {each.axis} was reset" for each in done)
+        raise DaemonRefusedError(refused[0].code, "; ".join(map(str, refused)) + off)
     return tuple(done)
 
 

@@ -128,10 +128,10 @@ class Recorder:
         ticks, samples, lost = self._memory.drain()
         began_s = time.monotonic()
         if lost:
+            held_s = float(ticks["time_s"][-1] - ticks["time_s"][0]) if len(ticks) else 0.0
+            self.lost_because = self._why_overwritten(began_s, held_s)  # before it is looked for
             self.rows_lost += lost
             self.rows_overwritten += lost
-            held_s = float(ticks["time_s"][-1] - ticks["time_s"][0]) if len(ticks) else 0.0
-            self.lost_because = self._why_overwritten(began_s, held_s)
         self._drained_s, self._wrote_s = began_s, 0.0
         if len(ticks):
             try:

@@ -68,8 +68,10 @@ def _worker_advice(cpu: int, others: list[int], root: Path) -> list[str]:
     if not kernel_workers_run_on(cpu, root):
         return []
     mask = sum(1 << k for k in others)
+    words = range(max(others) // 32, -1, -1)  # the kernel takes 32 CPUs a word
+    told = ",".join(f"{mask >> 32 * word & 0xFFFFFFFF:x}" for word in words)
     return [
-        f"no unbound kernel workers there (echo {mask:x} > /{WORKERS}, after each boot; an "
+        f"no unbound kernel workers there (echo {told} > /{WORKERS}, after each boot; an "
         "isolated CPU has none): they finish what is written to disks, logs too"
     ]
 

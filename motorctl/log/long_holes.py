@@ -19,6 +19,10 @@ MOSTLY_LONG = 0.5
 """Part of the rows that stand in long stretches, from which the holes between them are pauses
 between tests, however long. Larger refuses tests that were recorded one after the other, smaller
 takes samples that come with events for a time base. Chosen by hand: more than the others."""
+ENOUGH_ROWS = 2000
+"""Rows in long stretches that do, however many others there are. Larger refuses a long test behind
+many short ones, smaller takes chance stretches of samples that come with events. Chosen by hand:
+twenty of the shortest."""
 PAUSED_TIMES = 50
 """How many times longer than the recording its pauses may be. Larger takes memory, smaller refuses
 short tests with long pauses between them. Chosen by hand."""
@@ -37,11 +41,11 @@ def require_stretches(table: Table, name: str, time_s: Array, missing: int) -> N
         How many samples the holes would have.
     """
     rows, in_long = len(time_s), _rows_in_long_stretches(time_s)
-    if in_long < MOSTLY_LONG * rows:
+    if in_long < min(MOSTLY_LONG * rows, ENOUGH_ROWS):
         why = (
             f"more samples are missing than there are: only {in_long} of {rows} rows stand in "
             f"stretches of at least {LONG_STRETCH} without a hole, and {100.0 * MOSTLY_LONG:g} % "
-            "are needed: record longer stretches"
+            f"are needed, or {ENOUGH_ROWS}: record longer stretches"
         )
     elif missing > PAUSED_TIMES * rows:
         why = (

@@ -102,6 +102,7 @@ class _Columns:
 
     def __init__(self, path: Path, head: Head, names: Sequence[str]) -> None:
         self._path, self._head = path, head
+        self._names = [name.strip() for name in head.names]
         self._places = {name: head.names.index(name) for name in names}
         self._numbers = {name: array("d") for name in names}
         self._times: dict[str, list[str]] = {}
@@ -133,18 +134,22 @@ class _Columns:
         return False
 
     def _is_text(self, cells: list[str], fits: bool) -> bool:
-        """Return whether a line is a remark, or as wide as rows, with words in all that is read.
+        """Return whether a line is a remark, or the header once more.
 
-        As a header that is written again, or behind a first row.
+        Rows may begin with what marks a remark elsewhere: such a line is one where all that is read
+        of it are numbers. A row without any number is damaged, and not left out: without a column
+        of times the rows are the clock.
         """
-        begin = cells[0].strip()
-        if begin.startswith(COMMENTS) and begin != self._label:
-            return True
-        return fits and all(self._is_word(cells[k].strip()) for k in self._places.values())
+        stripped = [cell.strip() for cell in cells]
+        read = [stripped[k] for k in self._places.values()] if fits else []
+        if stripped[0].startswith(COMMENTS) and stripped[0] != self._label:
+            return not read or not all(map(self._is_value, read))
+        words = all(cell[:1].isalpha() and not self._is_value(cell) for cell in read)
+        header = stripped == self._names or len(self._rows.lines) <= 1
+        return fits and words and header and not any(map(self._is_value, stripped))
 
-    def _is_word(self, cell: str) -> bool:
-        number = is_number(cell, self._head.delimiter) or is_time(cell)
-        return cell[:1].isalpha() and not number
+    def _is_value(self, cell: str) -> bool:
+        return is_number(cell, self._head.delimiter) or is_time(cell)
 
     def is_cut(self, line: int, cells: list[str]) -> bool:
         """Return whether the last line ends before its row does; note it where rows precede it."""

@@ -196,6 +196,15 @@ def test_advice_names_what_is_missing_for_this_cpu(tmp_path):
     assert "nohz_full" not in advice
 
 
+def test_the_mask_of_many_cpus_is_written_in_words_as_the_kernel_takes_it(tmp_path):
+    _machine_files(
+        tmp_path,
+        sys__devices__system__cpu__online="0-47",
+        sys__devices__virtual__workqueue__cpumask="ffff,ffffffff",
+    )
+    assert "echo ffff,fffffff7 > " in "\n".join(kernel_advice(3, tmp_path))
+
+
 def test_a_machine_that_is_set_up_gets_no_advice(tmp_path):
     _machine_files(
         tmp_path,

@@ -53,6 +53,13 @@ def test_stretches_between_pauses_that_are_too_short_are_refused_with_their_rows
         read_recording(write_table(tmp_path / "a.csv", sines(time_s)))
 
 
+def test_a_long_test_behind_many_short_ones_does(tmp_path):
+    steps = np.full(60 * 99 + 5000, 0.01)
+    steps[99 : 60 * 99 + 1 : 99] = 19.0
+    recording = read_recording(write_table(tmp_path / "a.csv", sines(np.cumsum(steps))))
+    assert recording.axes["x"].recorded.sum() == pytest.approx(len(steps), abs=130)
+
+
 def test_a_pause_that_would_fill_the_memory_is_refused_with_its_length(tmp_path):
     time_s = steps_with_pauses(rows=165, pause_s=3600.0)
     with pytest.raises(DataError, match=r"times the 1650 that there are \(limit 50\): cut out one"):

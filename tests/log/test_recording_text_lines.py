@@ -57,6 +57,21 @@ def test_a_row_of_which_some_cells_are_words_is_damaged_and_no_text(tmp_path, ro
         read(tmp_path, [*lines[:80], row, *lines[80:]])
 
 
+@pytest.mark.parametrize("row", ["0.8,None,None", "fault,fault,fault"])
+def test_rows_without_a_number_are_damaged_as_the_rows_may_be_the_clock(tmp_path, row):
+    lines = lines_of(",")
+    with pytest.raises(DataError, match=r"line 82: column '[qu]' is not a number"):
+        read(tmp_path, [*lines[:80], row, *lines[80:]], clock="sample_rate_hz: 100")
+
+
+def test_rows_that_begin_with_the_mark_of_a_remark_are_rows(tmp_path):
+    tagged = [f"#{k},{line}" for k, line in enumerate(lines_of(","))]
+    (tmp_path / "a.csv").write_text("\n".join(["tag,t,q,u", *tagged, "tag,t,q,u"]) + "\n")
+    (tmp_path / "d.yaml").write_text(f"file: a.csv\ntime: {{column: t}}\n{AXES}")
+    recording = read_recording(tmp_path / "d.yaml")
+    np.testing.assert_allclose(recording.axes["b"].command, [row[2] for row in ROWS])
+
+
 @SEPARATED
 @pytest.mark.parametrize(
     ("row", "message"),
