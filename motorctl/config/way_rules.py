@@ -138,23 +138,27 @@ def _homes(homing: Homing, way: Way) -> tuple[float, ...]:
 
 
 def _soft_limits(limits: Limits, ends: Sequence[_End], apart_m: float) -> Iterator[Finding]:
-    """Look for soft limits behind the end stops.
+    """Look for soft limits behind both end stops.
 
-    Where only the following error at rest, by which they trip outside the travel, brings them
-    there, a note asks for the room (`guard_notes`).
+    Behind one alone it may be what somebody puts in the way of a simulated machine. Where only the
+    following error at rest, by which they trip outside the travel, brings them there, a note asks
+    for the room (`guard_notes`).
     """
+    found: list[Finding] = []
     for side, name, sign in ((0, "lower", -1.0), (1, "upper", 1.0)):
         end_m = limits.travel_m[side]
         furthest_m = max(
             sign * (end.way.reach_m[side] + shift) for end in ends for shift in end.shifts_m
         )
         if sign * end_m - apart_m > furthest_m:
-            yield (
-                ("limits", "travel_m", side),
+            words = (
                 f"found {end_m:g}, guards.soft_limit can never trip at the {name} end: the "
                 "simulated plant's end stops let its full command press the axis no further than "
-                f"{sign * furthest_m:.3g} m; should lie within them",
+                f"{sign * furthest_m:.3g} m; should lie within them"
             )
+            found.append((("limits", "travel_m", side), words))
+    if len(found) == 2:
+        yield from found
 
 
 def _program(

@@ -39,14 +39,20 @@ def test_soft_limits_behind_the_end_stops_of_a_simulated_axis_are_refused(tmp_pa
 def test_a_soft_limit_counts_from_the_place_that_homing_gives_the_axis(tmp_path):
     # 10 V over 0.21 m press 1e5 V/m by 6.7 mm: the stops at 105 mm end at 111.7 mm; home is at -70.
     data = shipped("small_stage")
-    data["axes"]["x"]["limits"]["travel_m"] = [-0.075, 0.111]
+    data["axes"]["x"]["limits"]["travel_m"] = [-0.2, 0.111]
     assert problems(tmp_path, data) == ()
-    data["axes"]["x"]["limits"]["travel_m"] = [-0.075, 0.113]
-    (told,) = problems(tmp_path, data)
+    data["axes"]["x"]["limits"]["travel_m"] = [-0.2, 0.113]
+    _, told = problems(tmp_path, data)
     assert told.key == "axes.x.limits.travel_m[1]"
     assert "found 0.113" in told.message
     assert "no further than 0.112 m" in told.message
     data["axes"]["x"]["homing"]["home_position_m"] = -0.068  # all is 2 mm further up
+    assert problems(tmp_path, data) == ()
+
+
+def test_an_obstacle_within_the_travel_may_be_simulated(tmp_path):
+    data = shipped("published_gantry")
+    data["axes"]["x"]["limits"]["travel_m"][1] = 100.0
     assert problems(tmp_path, data) == ()
 
 
