@@ -10,6 +10,7 @@ from collections.abc import Mapping
 from motorctl.config.axis_parts import AxisParts
 from motorctl.config.following_motion import LawError
 from motorctl.config.loop_rules import parameter_range
+from motorctl.config.programs import followed_program
 from motorctl.errors import Problem
 from motorctl.located_yaml import Document
 from motorctl.motion import Program
@@ -36,15 +37,14 @@ def check_following(
     list of Problem
         One at most.
     """
-    followed = document.at(("axes", parts.name, "program"))
-    program = programs.get(followed) if isinstance(followed, str) else None
+    program = followed_program(document, parts.name, programs)
     limits, gains, encoder = parts.limits, parts.gains, parts.encoder
     if program is None or limits is None or gains is None or encoder is None:
         return []
     if parts.model is None or rate_hz is None:
         return []
     inertia = parameter_range(parts.model, parts.estimates, "acceleration")[0]
-    if parts.name not in program.axes or not inertia > 0.0 or gains.command_filter is not None:
+    if not inertia > 0.0 or gains.command_filter is not None:
         return []
     error, period_s = limits.following_error, 1.0 / rate_hz
     own = LawError(gains, inertia, program, parts.name, period_s, error.minimum_m)
@@ -52,9 +52,10 @@ def check_following(
         return []
     message = (
         f"found {error.minimum_m:g}, guards.following_error would always trip in program "
-        f"'{followed}', however good the model is: gains.velocity published takes half a period "
-        f"of its acceleration for lacking speed, which by k1 {gains.k1_1_s:g} 1/s leaves the axis "
-        f"up to {own.most_m:.3g} m behind; should be above that, or gains.velocity be matched"
+        f"'{program.name}', however good the model is: gains.velocity published takes half a "
+        "period of its acceleration for lacking speed, which by k1 "
+        f"{gains.k1_1_s:g} 1/s leaves the axis up to {own.most_m:.3g} m behind; "
+        "should be above that, or gains.velocity be matched"
     )
     where = ("axes", parts.name, "limits", "following_error", "minimum_m")
     return [document.problem(where, parts.units.words(message))]

@@ -11,6 +11,7 @@ from motorctl.config.axis_keys import Encoder, Gains
 from motorctl.config.guard_keys import Thermal
 from motorctl.config.loop_rules import filter_of
 from motorctl.config.motor_heat import hottest_v
+from motorctl.config.programs import followed_program
 from motorctl.config.rules import HIGHEST_FILTER
 from motorctl.control import CommandFilter
 from motorctl.errors import Problem
@@ -60,16 +61,15 @@ def check_heat(
             problems.append(document.problem(where, told))
         if need is None or own is None or axis not in noises_v:
             continue
-        followed = document.at(("axes", axis, "program"))
-        program = programs.get(followed) if isinstance(followed, str) else None
+        program = followed_program(document, axis, programs)
         noise_v = noises_v[axis]
         told = _slow_heat(thermal, own, need, noise_v)
-        if program is not None and axis in program.axes and axis in rates_hz:
+        if program is not None and axis in rates_hz:
             period_s = 1.0 / rates_hz[axis]
             warmed_v = program_heat_v(thermal, program, axis, need, period_s)
             if warm_v(warmed_v, noise_v) > thermal.continuous_voltage_v:
                 told = (
-                    f"at its hottest program '{followed}' needs {warmed_v:.3g} V rms over "
+                    f"at its hottest program '{program.name}' needs {warmed_v:.3g} V rms over "
                     f"time_constant_s {thermal.time_constant_s:g} s at theta(0)"
                     f"{_in_all(warmed_v, noise_v)}; make the program slower, or raise it"
                 )

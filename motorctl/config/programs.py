@@ -124,6 +124,25 @@ def mixed_kinds(program: Program, units: Mapping[str, AxisUnits]) -> str | None:
     return f"axes {' and '.join(program.axes)}: a circle needs two axes of one kind"
 
 
+def followed_program(
+    document: Document, axis: str, programs: Mapping[str, Program]
+) -> Program | None:
+    """Return the program that an axis follows; None where it has none that is sound and moves it.
+
+    Parameters
+    ----------
+    document
+        The configuration.
+    axis
+        Its name.
+    programs
+        Those that could be read.
+    """
+    name = document.at(("axes", axis, "program"))
+    program = programs.get(name) if isinstance(name, str) else None
+    return program if program is not None and axis in program.axes else None
+
+
 def check_followed(document: Document, axis: str, programs: Mapping[str, Program]) -> list[Problem]:
     """Check that the program that an axis follows, if any, exists and moves this axis."""
     path = ("axes", axis, "program")

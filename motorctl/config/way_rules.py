@@ -16,6 +16,7 @@ from motorctl.config.dual_drive_rules import most_skew_m
 from motorctl.config.exchange import ask_exchange
 from motorctl.config.hardware import Wiring, channels_of
 from motorctl.config.machine import DriverSetup
+from motorctl.config.programs import followed_program
 from motorctl.config.validation import Finding
 from motorctl.errors import MotorctlError, Problem
 from motorctl.hal import Way
@@ -102,11 +103,10 @@ def check_way(
         # By so much the ends of a beam may be apart, however it is homed.
         apart_m = abs(dual.square_offset_m) + (dual.max_out_of_square_m or 0.0) if dual else 0.0
         found += _soft_limits(limits, ends, apart_m)
-        followed = document.at(("axes", parts.name, "program"))
-        program = programs.get(followed) if isinstance(followed, str) else None
-        if program is not None and parts.name in program.axes:
+        program = followed_program(document, parts.name, programs)
+        if program is not None:
             range_m = program.trajectories()[parts.name].peaks().range_m
-            found += _program(str(followed), range_m, limits, ends, apart_m)
+            found += _program(program.name, range_m, limits, ends, apart_m)
     return [
         document.problem(("axes", parts.name, *where), parts.units.words(what))
         for where, what in found

@@ -90,8 +90,7 @@ class Table(ABC):
         note = f"{count} row{'s' if count > 1 else ''} without a value left out"
         told = f"{note}, the first: {self.row(int(np.argmax(empty)))}"
         self.notes = (*self.notes, told)
-        self._kept = np.flatnonzero(~empty)
-        return {name: values[self._kept] for name, values in columns.items()}
+        return self._keeping(columns, ~empty)
 
     def from_where_the_clock_runs(self, columns: dict[str, Array], clock: str) -> dict[str, Array]:
         """Leave out the rows written before the clock ran: all but the last with its first time.
@@ -106,9 +105,7 @@ class Table(ABC):
         rows = f"{waiting} rows" if waiting > 1 else "a row"
         told = f"{rows} written before the clock ran left out, the first: {self.row(0)}"
         self.notes = (*self.notes, told)
-        kept = np.arange(len(time)) if self._kept is None else self._kept
-        self._kept = kept[waiting:]
-        return {name: values[waiting:] for name, values in columns.items()}
+        return self._keeping(columns, np.arange(len(time)) >= waiting)
 
     def without_repeated_times(self, columns: dict[str, Array], clock: str) -> dict[str, Array]:
         """Leave out the few rows that repeat the time of the one before, as where one stands twice.
@@ -124,9 +121,13 @@ class Table(ABC):
         rows = "a row that repeats" if count == 1 else f"{count} rows that repeat"
         told = f"{rows} the time of the one before left out, the first: "
         self.notes = (*self.notes, told + self.row(int(np.argmax(repeats))))
-        kept = np.arange(len(time)) if self._kept is None else self._kept
-        self._kept = kept[~repeats]
-        return {name: values[~repeats] for name, values in columns.items()}
+        return self._keeping(columns, ~repeats)
+
+    def _keeping(self, columns: dict[str, Array], rows: NDArray[np.bool_]) -> dict[str, Array]:
+        """Return these rows of columns; `row` tells where they stand from now on."""
+        kept = np.arange(len(rows)) if self._kept is None else self._kept
+        self._kept = kept[rows]
+        return {name: values[rows] for name, values in columns.items()}
 
     def read(self, names: Iterable[str]) -> dict[str, Array]:
         """Read columns as float64, all equally long.

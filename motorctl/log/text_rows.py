@@ -157,9 +157,7 @@ class _Columns:
         if (
             len(cells) >= self._narrowest
             or not self._rows.lines
-            or not (
-                is_number(begin, self._head.delimiter) or is_time(begin) or begin == self._label
-            )
+            or not (self._is_value(begin) or begin == self._label)
         ):
             return False
         self._rows.cut_line = line

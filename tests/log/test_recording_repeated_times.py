@@ -2,18 +2,10 @@
 
 import numpy as np
 import pytest
-from recorded_rows import write_table
+from recorded_rows import sines, write_table
 
 from motorctl.errors import DataError
 from motorctl.log import read_recording
-
-
-def sines(time_s):
-    return {
-        "time_s": time_s,
-        "x.position_m": np.sin(6.0 * time_s),
-        "x.command_v": np.sign(np.cos(6.0 * time_s)),
-    }
 
 
 def with_times_twice(folder, rows):

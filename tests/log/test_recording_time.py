@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from recorded_rows import columns, make_rows, write_log, write_table
+from recorded_rows import columns, make_rows, sines, write_log, write_table
 
 from motorctl.errors import DataError
 from motorctl.log import read_recording
@@ -76,14 +76,6 @@ def test_jitter_of_time_stamps_is_tolerated(tmp_path):
     recording = read_recording(write_table(tmp_path / "a.csv", table))
     assert recording.sample_rate_hz == 200.0
     np.testing.assert_allclose(np.diff(recording.time_s), 1 / 200)
-
-
-def sines(time_s):
-    return {
-        "time_s": time_s,
-        "x.position_m": np.sin(6.0 * time_s),
-        "x.command_v": np.sign(np.cos(6.0 * time_s)),
-    }
 
 
 def test_a_hole_is_filled_told_and_marked(tmp_path):

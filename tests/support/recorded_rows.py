@@ -79,6 +79,15 @@ def _in_struct(table):
     return {"time_s": table["time_s"], "slide": fields}
 
 
+def sines(time_s):
+    """Return columns of a foreign axis x that swings, at these times."""
+    return {
+        "time_s": time_s,
+        "x.position_m": np.sin(6.0 * time_s),
+        "x.command_v": np.sign(np.cos(6.0 * time_s)),
+    }
+
+
 def write_table(path, table):
     """Write columns in the format that the suffix says."""
     if path.suffix == ".csv":

@@ -25,7 +25,6 @@ told. Larger tells it less often, smaller tells wrong ones. Chosen by hand: more
 MOST_TIMES = 1000.0
 """Power over that of the noise, beyond which no number is told. Larger tells millions of columns
 that were smoothed before, smaller hides what a fine encoder shows. Convention."""
-_PLACE = ("position",)
 
 
 def compensation(found: Found, judged: Judged) -> Compensation | None:
@@ -33,7 +32,7 @@ def compensation(found: Found, judged: Judged) -> Compensation | None:
     if judged.verdict != "unknown_structure" or judged.rival is None:
         return None
     variables = depends_on(judged.rival)
-    if variables == _PLACE and found.spans.one_way:  # it may be time as well
+    if _may_be_time(variables, found):
         return None
     every = found.final.regressors.catalogue.values()
     forms = (cls.smooth_function(variables, found.spans) for cls in every)
@@ -85,7 +84,7 @@ def unknown_structure(
     elif variables:
         kind = "no known effect" if family is None else f"no known {family.replace('_', ' ')}"
         either = ""
-        if variables == _PLACE and found.spans.one_way:
+        if _may_be_time(variables, found):
             either = " or time, which are not told apart as the axis never turns round"
         sentence = (
             f"the residual depends on {' and '.join(variables)}{either}: a smooth function of "
@@ -122,6 +121,11 @@ def unknown_structure(
         return UnknownStructure(variables, sentence, None, family, nothing, nothing, share)
     theta, std_error = theta_of(values, extra[0])
     return UnknownStructure(variables, sentence, extra[0], family, theta, std_error, share)
+
+
+def _may_be_time(variables: tuple[str, ...], found: Found) -> bool:
+    """Return whether what depends on the place may depend on time as well."""
+    return variables == ("position",) and found.spans.one_way
 
 
 def _times(ratio: float) -> str:
