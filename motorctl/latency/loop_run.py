@@ -139,12 +139,15 @@ class _Session:
         while self._loop.phase is not Phase.RUNNING:
             self._loop.insist()
             await asyncio.sleep(LOOK_PERIOD_S)
-        axes = log_axes(self._machine)
-        metadata = {**log_metadata(self._machine), "clock": "wall"}
-        recorder = Recorder(self._memory, LogWriter(self._log, metadata, axes))
+        # In a thread: the loop ticks already, and waits half a second for a sign of life.
+        recorder = Recorder(self._memory, await asyncio.to_thread(self._new_log))
         recorder.start()
         self._recorder = self._report.recorder = recorder
         return recorder
+
+    def _new_log(self) -> LogWriter:
+        metadata = {**log_metadata(self._machine), "clock": "wall"}
+        return LogWriter(self._log, metadata, log_axes(self._machine))
 
     async def _home(self) -> None:
         for name, axis in self._machine.axes.items():

@@ -1,8 +1,10 @@
-"""Notes each pause of one CPU until it or its starter is ended: `python pause_watch.py CPU FILE`.
+"""Notes each pause of one CPU until it or its starter is ended.
 
-Nothing that a test starts may keep this process waiting: it has a higher real-time priority than
-the loop and the devices. What it finds is what the computer itself took away, by its firmware or
-by the host of a virtual machine.
+`python pause_watch.py CPU FILE PRIORITY` with a real-time priority above those of the loop and the
+devices: nothing that a test starts may keep it waiting, so what it finds is what the computer
+itself took away, by its firmware or by the host of a virtual machine. With priority 0 it waits like
+any other work of that CPU, the kernel's own included, which hands over what loopback carries:
+behind the loops of tests beside, that may stand still for longer than a bus is waited for.
 """
 
 from __future__ import annotations
@@ -16,6 +18,7 @@ import time
 from pathlib import Path
 
 PRIORITY = 98
+ORDINARY = 0
 NAP_S = 1e-3
 SHORTEST_S = 2e-3
 """Shorter ones are not worth noting."""
@@ -28,9 +31,10 @@ MCL_CURRENT, MCL_FUTURE = 1, 2
 
 def main() -> None:
     """Watch one CPU."""
-    cpu, path, starter = int(sys.argv[1]), sys.argv[2], os.getppid()
+    cpu, path, priority, starter = int(sys.argv[1]), sys.argv[2], int(sys.argv[3]), os.getppid()
     os.sched_setaffinity(0, {cpu})
-    os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(PRIORITY))
+    if priority:
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(priority))
     with Path(path).open("r+b") as file:
         notes = mmap.mmap(file.fileno(), NOTE.size * NOTES)
     ctypes.CDLL(None).mlockall(MCL_CURRENT | MCL_FUTURE)
