@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import random
 import subprocess
 import sys
@@ -18,6 +19,7 @@ from served_socket import served
 
 from motorctl.daemon.client import Client
 from motorctl.daemon.protocol import RefusedError, Request, parse_request
+from motorctl.errors import UsageError
 from motorctl_benchmarks.control_socket.crowd import CLIENTS_A_USER, Crowd, Told
 from motorctl_benchmarks.control_socket.figures import findings_of
 from motorctl_benchmarks.control_socket.fuzz import fuzzed
@@ -174,8 +176,11 @@ def test_a_lost_row_or_an_axis_that_stopped_fails_the_bench(changes: dict[str, A
 @pytest.mark.slow
 @pytest.mark.wall_clock
 def test_a_daemon_outlives_a_crowd_with_both_axes_in_motion_and_every_row_on_the_disk() -> None:
-    options = SocketOptions(clients=60, fuzzed_bytes=200_000, spell_s=3.0, rounds=1)
+    usual = os.sched_getaffinity(0)
+    cpu = max(usual) if len(usual) > 1 else None
+    options = SocketOptions(clients=60, fuzzed_bytes=200_000, spell_s=3.0, rounds=1, loop_cpu=cpu)
     shown = run_session(options, lambda _: None)
+    assert os.sched_getaffinity(0) == usual
     assert shown.troubles == ()
     assert shown.rows_lost == 0
     assert shown.told.fuzzed_bytes >= 200_000
@@ -185,3 +190,14 @@ def test_a_daemon_outlives_a_crowd_with_both_axes_in_motion_and_every_row_on_the
     assert shown.watched.rows_lost == 0
     assert [spell.kind for spell in shown.spells] == [QUIET, CROWD, WATCHED, CONVERTING, BUSY]
     assert all(len(spell.lateness_s) > 5000 for spell in shown.spells)
+
+
+@pytest.mark.parametrize("cpu", [4096, None])
+def test_a_cpu_for_the_loop_that_is_not_there_or_the_only_one_is_refused(
+    monkeypatch: pytest.MonkeyPatch, cpu: int | None
+) -> None:
+    if cpu is None:
+        cpu = min(os.sched_getaffinity(0))
+        monkeypatch.setattr(os, "sched_getaffinity", lambda _: {cpu})
+    with pytest.raises(UsageError, match=f"--loop-cpu {cpu}: it must be one of two or more"):
+        run_session(SocketOptions(loop_cpu=cpu), lambda _: None)

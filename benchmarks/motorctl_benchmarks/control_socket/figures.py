@@ -54,6 +54,11 @@ def findings_of(session: Session, options: SocketOptions) -> Findings:
     notes = (
         f"{options.rounds} rounds of {options.spell_s:g} s each, in turn; the daemon runs "
         f"{options.config}, both axes on their programs.",
+        *(
+            [f"All else is kept off the loop's CPU {cpu}."]
+            if (cpu := options.loop_cpu) is not None
+            else []
+        ),
         f"While logs are made: {session.logs_made} of all that was recorded so far, in a row.",
         f"The scope: {VIEWERS} viewers drew {session.watched.drawings} times, one asked and never "
         f"read; {session.watched.rows_lost} rows were lost to it, to the log {session.rows_lost}.",

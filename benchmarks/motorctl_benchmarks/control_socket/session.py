@@ -16,17 +16,19 @@ import tempfile
 import time
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import AbstractContextManager, nullcontext
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pyarrow.parquet as pq
+import yaml
 from numpy.typing import NDArray
 
+from motorctl.config import shipped_config
 from motorctl.daemon.client import Client
-from motorctl.errors import MotorctlError, RunError
+from motorctl.errors import MotorctlError, RunError, UsageError
 from motorctl.latency.advice import kernel_workers_run_on
 from motorctl.latency.progress import Progress
 from motorctl.log import background
@@ -59,6 +61,8 @@ class SocketOptions:
     rounds: int = 8
     seed: int = 1
     config: str = CONFIG
+    loop_cpu: int | None = None
+    """The loop's CPU, off which all else is kept; None: it is pinned to one that others use too."""
 
 
 @dataclass(frozen=True)
@@ -101,13 +105,22 @@ def run_session(options: SocketOptions, progress: Progress) -> Session:
     ------
     RunError
         Where the daemon does not start.
+    UsageError
+        Where there is no such CPU for the loop, or no other one.
     """
+    if options.loop_cpu is None:
+        return _run(options, progress)
+    with _all_else_off(options.loop_cpu):
+        return _run(options, progress)
+
+
+def _run(options: SocketOptions, progress: Progress) -> Session:
     marks: list[tuple[str, int, int]] = []
     told, watched, troubles, logs_made = Told(), Watched(), [], 0
     with tempfile.TemporaryDirectory(prefix="motorctl-") as name:
         folder = Path(name)
         folder.chmod(0o711)  # made-up users have to reach the socket
-        with running_daemon(options.config, folder) as (process, client):
+        with running_daemon(_config(options, folder), folder) as (process, client):
             before = client.ask("status")
             workers = any(map(kernel_workers_run_on, os.sched_getaffinity(before["loop"]["pid"])))
             for axis in before["axes"]:
@@ -151,6 +164,31 @@ def run_session(options: SocketOptions, progress: Progress) -> Session:
     period_s = 1.0 / before["loop"]["rate_hz"]
     wrong = tuple(dict.fromkeys(troubles))
     return Session(spells, told, period_s, lost, wrong, stops_s, logs_made, watched, workers)
+
+
+@contextmanager
+def _all_else_off(cpu: int) -> Iterator[None]:
+    """Keep this process and all that it starts off a CPU, as the kernel's isolcpus does."""
+    usual = os.sched_getaffinity(0)
+    if cpu not in usual or usual == {cpu}:
+        cpus = ", ".join(map(str, sorted(usual)))
+        raise UsageError(f"--loop-cpu {cpu}: it must be one of two or more; here are {cpus}")
+    os.sched_setaffinity(0, usual - {cpu})
+    try:
+        yield
+    finally:
+        os.sched_setaffinity(0, usual)
+
+
+def _config(options: SocketOptions, folder: Path) -> str:
+    """Return the configuration to run: with a CPU for the loop, a copy that names it."""
+    if options.loop_cpu is None:
+        return options.config
+    document = yaml.safe_load(shipped_config(options.config).read_text(encoding="utf-8"))
+    document["loop"]["cpu"] = options.loop_cpu
+    own = folder / f"{options.config}.yaml"
+    own.write_text(yaml.safe_dump(document, sort_keys=False), encoding="utf-8")
+    return str(own)
 
 
 def _keep_moving(client: Client) -> None:
