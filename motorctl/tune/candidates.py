@@ -13,6 +13,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,7 +26,6 @@ from motorctl.config.analysis import (
     is_stable,
 )
 from motorctl.control import CommandFilter
-from motorctl.tune.measured_plant import MeasuredPlant
 
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
@@ -36,6 +36,27 @@ time; the margins of what is chosen are computed anew."""
 SLOWEST = 1e-4
 """Lowest frequency of a response, as a part of the Nyquist frequency. Higher overlooks crossings of
 slow loops, lower spends the grid where nothing crosses."""
+
+
+class KnownPlant(Protocol):
+    """A plant whose response is known frequency by frequency, as it is where it was measured."""
+
+    @property
+    def rigid(self) -> DelayedPlant:
+        """It without the parts that ring."""
+
+    @property
+    def band_hz(self) -> tuple[float, float]:
+        """From where to where it is known [Hz]."""
+
+    def frequencies(self, w: Array) -> Array:
+        """Return frequencies [rad/s] with those besides that a grid of them may step over."""
+
+    def response(self, w: Array) -> ComplexArray:
+        """Return the transfer from command to position [m/V] at frequencies w [rad/s], (n,)."""
+
+    def error(self, w: Array) -> Array:
+        """Return the relative error that margins bear there, (n,)."""
 
 
 @dataclass(frozen=True)
@@ -98,7 +119,7 @@ class LoopShapes:
         self,
         plant: DelayedPlant,
         corners: Sequence[DelayedPlant],
-        measured: MeasuredPlant | None = None,
+        measured: KnownPlant | None = None,
     ) -> None:
         nyquist = math.pi / plant.period_s
         self._w = np.geomspace(SLOWEST * nyquist, 0.9999 * nyquist, GRID)

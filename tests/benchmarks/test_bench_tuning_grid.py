@@ -5,15 +5,16 @@ from __future__ import annotations
 import math
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from motorctl.config import Machine
-from motorctl.config.analysis import LoopGains
+from motorctl.config.analysis import DelayedPlant, LoopGains
 from motorctl.config.axis_keys import CommandFilterKeys
 from motorctl.config.shipped import locate
 from motorctl.errors import RunError
 from motorctl_benchmarks.tuning import grid
-from motorctl_benchmarks.tuning.machines import LATE, TunedMachine, drawn_machine
+from motorctl_benchmarks.tuning.machines import LATE, TruePlant, TunedMachine, drawn_machine
 
 
 def test_gains_of_the_grid_leave_the_machine_its_filter_of_the_command(
@@ -43,3 +44,16 @@ def test_a_drawn_machine_knows_what_its_plant_has(tmp_path: Path, seed: int) -> 
     assert drawn.axis in drawn.machine.axes
     assert drawn.plant["inertia_v_s2_m"] > 0.0
     assert any(drawn.plant[late] for late in LATE)
+
+
+def test_a_true_plant_with_a_part_on_a_spring_is_stiff_below_and_light_above_its_resonance() -> (
+    None
+):
+    rigid = DelayedPlant((0.2, 0.3, 0.0), 2e-4, 1e-4, 4e-4)
+    plant = TruePlant(rigid, 0.2, 0.3, fraction=0.36, frequency_hz=80.0, damping_ratio=1e-4)
+    w = 2.0 * np.pi * np.array([1.0, 80.0, 100.0, 1500.0])
+    beside = np.abs(plant.response(w) / rigid.response(w))
+    assert beside[0] == pytest.approx(1.0, rel=1e-3)
+    assert beside[1] < 1e-3  # the part takes all of the force
+    assert beside[2] > 100.0  # 80 Hz over the root of what is not on the spring
+    assert beside[3] == pytest.approx(1.0 / (1.0 - 0.36), rel=1e-2)

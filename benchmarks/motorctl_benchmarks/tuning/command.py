@@ -21,7 +21,8 @@ def tuning(
 ) -> None:
     """Run gains that `tune` chooses beside a grid of gains, every one of which is run.
 
-    For the shipped gantry, and for plants that are drawn.
+    For the shipped gantry, and for plants that are drawn: tuned to a measured response, and to a
+    log of the program alone.
     """
     from motorctl_benchmarks.print_result import measure_and_print
     from motorctl_benchmarks.tuning.findings import TuningOptions, tuning_findings

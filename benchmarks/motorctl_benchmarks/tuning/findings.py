@@ -1,22 +1,29 @@
-"""`motorctl bench tuning`: tuned gains beside the best of a grid that is run by brute force."""
+"""`motorctl bench tuning`: tuned gains beside the best of a grid that is run by brute force.
+
+They are tuned to the measured response of each axis, and to the log of its program alone."""
 
 from __future__ import annotations
 
 import math
 import tempfile
+from contextlib import suppress
 from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any
 
+from motorctl.config.analysis import LoopGains
 from motorctl.errors import MotorctlError
 from motorctl.latency.figure import Figure, Target
 from motorctl.latency.progress import Progress
+from motorctl.response.measurement import Measurement, measure_response
+from motorctl.response.plan import plan_response
+from motorctl.response.rigs import record_simulated
 from motorctl.tune.candidates import MarginsWanted
 from motorctl.tune.tuning import record_program, tune
 from motorctl_benchmarks.findings import Findings, TextTable
 from motorctl_benchmarks.tuning.grid import best_of_grid, run_with
-from motorctl_benchmarks.tuning.machines import drawn_machine, shipped_machines
+from motorctl_benchmarks.tuning.machines import TunedMachine, drawn_machine, shipped_machines
 from motorctl_benchmarks.worker_pool import run_tasks
 
 NOISE_V = 0.5
@@ -50,6 +57,14 @@ class Tuned:
     """Around the true plant, as the phase margin."""
     unstable_corners: int = 0
     refused: str = ""
+    by_log_m: float = math.nan
+    """The error where a log of the program alone was tuned to, without a response."""
+    by_log_phase_deg: float = math.nan
+
+    @property
+    def by_log_ratio(self) -> float:
+        """That error over the best of the grid."""
+        return self.by_log_m / self.best_m
 
     @property
     def ratio(self) -> float:
@@ -58,7 +73,7 @@ class Tuned:
 
     def document(self) -> dict[str, Any]:
         """Return it as plain data."""
-        return asdict(self) | {"ratio": self.ratio}
+        return asdict(self) | {"ratio": self.ratio, "by_log_ratio": self.by_log_ratio}
 
 
 def tuning_findings(progress: Progress, options: TuningOptions) -> Findings:
@@ -85,7 +100,16 @@ def tuning_findings(progress: Progress, options: TuningOptions) -> Findings:
     )  # fmt: skip
     table = TextTable(
         "eF in µm at 30 degrees and 6 dB",
-        ("machine", "before", "tuned", "predicted", "best of grid", "ratio", "true margins"),
+        (
+            "machine",
+            "before",
+            "tuned",
+            "predicted",
+            "best of grid",
+            "ratio",
+            "true margins",
+            "by a log alone",
+        ),
         tuple(_cells(row) for row in rows),
     )
     notes = (
@@ -105,15 +129,20 @@ def tune_one(folder: Path, task: int | str) -> Tuned:
         if isinstance(task, str)
         else drawn_machine(place, task)
     )
+    ready, axis = machine.machine, machine.axis
     try:
-        log = record_program(machine.machine, machine.axis, place / "before.parquet", _quiet)
-        tuning = tune(log, machine.machine, machine.axis, WANTED, _quiet)
+        log = record_program(ready, axis, place / "before.parquet", _quiet)
+        tuning = tune(log, ready, axis, WANTED, _quiet, _response(machine, place))
     except MotorctlError as error:
         return Tuned(machine.name, refused=str(error))
     best_m, runs = best_of_grid(machine, WANTED, place)
     if not runs:
         return Tuned(machine.name, refused="no gains of the grid keep the margins")
     true = machine.margins(tuning.gains)
+    by_log_m, by_log_phase_deg = math.nan, math.nan
+    with suppress(MotorctlError):
+        by_log = tune(log, ready, axis, WANTED, _quiet).gains
+        by_log_m, by_log_phase_deg = run_with(machine, by_log, place), _phase(machine, by_log)
     return Tuned(
         name=machine.name,
         before_m=tuning.loop.eF_m,
@@ -121,10 +150,26 @@ def tune_one(folder: Path, task: int | str) -> Tuned:
         predicted_m=tuning.chosen.prediction.eF_m,
         best_m=best_m,
         runs=runs,
-        phase_deg=(true.phase_margin_deg or 0.0) if true.stable else 0.0,
+        phase_deg=_phase(machine, tuning.gains),
         gain_db=20.0 * math.log10(true.gain_margin or math.inf),
         unstable_corners=machine.unstable_corners(tuning.gains),
+        by_log_m=by_log_m,
+        by_log_phase_deg=by_log_phase_deg,
     )
+
+
+def _response(machine: TunedMachine, folder: Path) -> Measurement:
+    """Measure the axis' response, as `motorctl response` does by itself."""
+    ready, axis = machine.machine, machine.axis
+    plan = plan_response(ready.axes[axis], ready.period_of(axis))
+    log = record_simulated(ready, plan, folder / "response.parquet", _quiet)
+    return measure_response([log], axis)
+
+
+def _phase(machine: TunedMachine, gains: LoopGains) -> float:
+    """Return the phase margin around the true plant [degrees]; 0 where the loop is unstable."""
+    told = machine.margins(gains)
+    return (told.phase_margin_deg or 0.0) if told.stable else 0.0
 
 
 def _quiet(_what: str, _share: float) -> None:
@@ -138,4 +183,5 @@ def _cells(row: Tuned) -> tuple[str, ...]:
         *(f"{value * 1e6:.3g}" for value in errors),
         f"{row.ratio:.2f}",
         f"{row.phase_deg:.1f} deg, {row.gain_db:.1f} dB",
+        f"{row.by_log_ratio:.2f}, {row.by_log_phase_deg:.1f} deg",
     )
