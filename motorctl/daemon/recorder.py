@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import threading
 import time
 from collections.abc import Callable, Mapping
@@ -76,6 +75,11 @@ class Recorder:
         self._thread = self._new_thread()
 
     @property
+    def runs(self) -> bool:
+        """Whether its thread is alive."""
+        return self._thread.is_alive()
+
+    @property
     def path(self) -> Path:
         """Where the log will stand when it is closed."""
         return self._log.path
@@ -86,12 +90,16 @@ class Recorder:
 
     def insist(self) -> None:
         """Begin anew where the thread has died; the rows are in the ring, and `failure` tells."""
-        if self._thread.is_alive():
+        if self.runs:
             return
-        self.failure = "the recorder's thread ended unexpectedly and was started again"
+        ended = "the recorder's thread ended unexpectedly and"
         self._thread = self._new_thread()
-        with contextlib.suppress(RuntimeError):  # no more threads: until the next time
+        try:
             self._thread.start()
+        except RuntimeError as error:  # no more threads: until the next time
+            self.failure = f"{ended} cannot be started again: {error}"
+        else:
+            self.failure = f"{ended} was started again"
 
     def finish(self, extra: Callable[[], dict[str, Any]]) -> Path:
         """Record what is left in the ring and close the log; call when the loop has ended.

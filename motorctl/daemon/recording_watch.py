@@ -69,15 +69,20 @@ class RecordingWatch:
         stood_s = self._looked_s - self._moved_s
         if stood_s < STANDS_S or self._progress != self._recorder.progress:
             return self._recorder.failure
-        stands = f"the disk has taken nothing for {stood_s:.1f} s"
+        if self._recorder.runs:
+            stands = f"the disk has taken nothing for {stood_s:.1f} s"
+            where = "; `dmesg` may tell why the disk hangs"
+        else:
+            stands = f"nothing was recorded for {stood_s:.1f} s ({self._recorder.failure})"
+            where = "; it is tried again all the time"
         if self._memory.overwritten:
             return (
                 f"{stands} and memory is full: rows are being lost, {self.rows_lost} so far; the "
-                "axes go on; `dmesg` may tell why the disk hangs"
+                f"axes go on{where}"
             )
         return (
             f"{stands}; memory holds the rows of {self._memory.room / self._rate_hz:.1f} s more, "
-            "then they are lost; the axes go on; `dmesg` may tell why the disk hangs"
+            f"then they are lost; the axes go on{where}"
         )
 
     def look(self) -> None:

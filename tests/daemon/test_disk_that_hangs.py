@@ -165,6 +165,39 @@ def test_a_process_that_stood_still_itself_tells_nothing_of_the_disk(
     assert caplog.messages == []
 
 
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnhandledThreadExceptionWarning")
+def test_a_recorder_that_cannot_be_started_again_is_not_told_as_a_disk_that_hangs(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def deadly() -> None:
+        raise SystemExit  # ends a thread without a word
+
+    def refused(_: threading.Thread) -> None:
+        raise RuntimeError("can't start new thread")
+
+    with ring() as bench:
+        made = Recording(bench, tmp_path)
+        with monkeypatch.context() as patched:
+            patched.setattr(bench.memory, "drain", deadly)
+            made.recorder.start()
+            wait_until(lambda: not made.recorder.runs)
+        with monkeypatch.context() as patched:
+            patched.setattr(threading.Thread, "start", refused)
+            for _ in range(5):
+                made.recorder.insist()
+                made.seconds(1)
+        told = str(made.watch.failure)
+        assert "nothing was recorded for 5.0 s" in told
+        assert "cannot be started again: can't start new thread" in told
+        assert "memory holds the rows of 3.0 s more" in told
+        assert "disk" not in told
+        made.recorder.insist()
+        made.wait_until_all_is_written()
+        made.seconds(1)
+        assert made.watch.failure is None
+        made.recorder.finish(dict)
+
+
 def test_rows_that_nobody_fetched_are_told_with_another_reason_than_the_disk(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
