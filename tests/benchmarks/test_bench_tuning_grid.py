@@ -12,6 +12,7 @@ from motorctl.config import Machine
 from motorctl.config.analysis import DelayedPlant, LoopGains
 from motorctl.config.axis_keys import CommandFilterKeys
 from motorctl.config.shipped import locate
+from motorctl.control import command_filter
 from motorctl.errors import RunError
 from motorctl_benchmarks.tuning import grid
 from motorctl_benchmarks.tuning.machines import LATE, TruePlant, TunedMachine, drawn_machine
@@ -36,6 +37,11 @@ def test_gains_of_the_grid_leave_the_machine_its_filter_of_the_command(
     gains = ran[0].axes["x"].gains
     assert (gains.k1_1_s, gains.ks_v_s_m, gains.gamma_d) == (200.0, 90.0, 400.0)
     assert gains.command_filter == CommandFilterKeys(kind="low_pass", frequency_hz=500.0)
+    own = command_filter("notch", 300.0, 0.1, 0.3, machine.machine.period_s)
+    grid.run_with(machine, LoopGains(200.0, 90.0, 400.0, own), tmp_path)
+    assert ran[1].axes["x"].gains.command_filter == CommandFilterKeys(
+        kind="notch", frequency_hz=300.0, damping=0.1, depth=0.3
+    )
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3, 4])

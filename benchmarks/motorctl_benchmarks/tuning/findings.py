@@ -60,6 +60,8 @@ class Tuned:
     by_log_m: float = math.nan
     """The error where a log of the program alone was tuned to, without a response."""
     by_log_phase_deg: float = math.nan
+    filter_kind: str = ""
+    """Of the filter of the command that was chosen with the gains; the grid has none."""
 
     @property
     def by_log_ratio(self) -> float:
@@ -155,6 +157,7 @@ def tune_one(folder: Path, task: int | str) -> Tuned:
         unstable_corners=machine.unstable_corners(tuning.gains),
         by_log_m=by_log_m,
         by_log_phase_deg=by_log_phase_deg,
+        filter_kind=own.kind if (own := tuning.gains.command_filter) else "",
     )
 
 
@@ -178,10 +181,11 @@ def _quiet(_what: str, _share: float) -> None:
 
 def _cells(row: Tuned) -> tuple[str, ...]:
     errors = (row.before_m, row.tuned_m, row.predicted_m, row.best_m)
+    behind = f" ({row.filter_kind})" if row.filter_kind else ""
     return (
         row.name,
         *(f"{value * 1e6:.3g}" for value in errors),
-        f"{row.ratio:.2f}",
+        f"{row.ratio:.2f}{behind}",
         f"{row.phase_deg:.1f} deg, {row.gain_db:.1f} dB",
         f"{row.by_log_ratio:.2f}, {row.by_log_phase_deg:.1f} deg",
     )

@@ -8,12 +8,13 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from motorctl.config.analysis import LoopGains
+from motorctl.config.axis_keys import CommandFilterKeys
 from motorctl.errors import RunError
 from motorctl.identify.compare.measures import measure_axis
 from motorctl.log import read_recording
 from motorctl.loop.simulation import simulate
 from motorctl.tune.candidates import MarginsWanted
-from motorctl.tune.tuning import GAIN_KEYS
+from motorctl.tune.tuning import GAIN_KEYS, filter_keys
 from motorctl_benchmarks.tuning.machines import TunedMachine
 
 K1_1_S = (60.0, 100.0, 160.0, 250.0, 400.0)
@@ -49,11 +50,14 @@ def allowed_gains(machine: TunedMachine, wanted: MarginsWanted) -> Iterator[Loop
 def run_with(machine: TunedMachine, gains: LoopGains, folder: Path) -> float:
     """Return the eF of a run with these gains [m]; inf where it trips.
 
-    A filter of the command stays as the machine has it.
+    A filter of the command stays as the machine has it, where the gains have none.
     """
     ready = machine.machine
     axis = ready.axes[machine.axis]
     changed = axis.gains.model_copy(update={key: getattr(gains, key) for key in GAIN_KEYS})
+    if (own := filter_keys(gains)) is not None:
+        keys = CommandFilterKeys.model_validate(own, strict=False)
+        changed = changed.model_copy(update={"command_filter": keys})
     axes = {**ready.axes, machine.axis: axis.model_copy(update={"gains": changed})}
     log = folder / "grid.parquet"
     try:

@@ -96,9 +96,7 @@ class TunedMachine:
         return loop_margins(
             plant["inertia_v_s2_m"],
             plant["viscous_friction_v_s_m"],
-            k1_1_s=gains.k1_1_s,
-            ks_v_s_m=gains.ks_v_s_m,
-            gamma_d=gains.gamma_d,
+            **vars(gains),
             period_s=self.machine.period_s,
             delay_s=delay_s,
             lag_s=lag_s,
