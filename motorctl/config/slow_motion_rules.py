@@ -47,7 +47,13 @@ def check_slow_motion(document: Document, parts: AxisParts, rate_hz: float | Non
     found: list[Finding] = []
     least_m = COUNTS_AT_REST * parts.encoder.resolution_m if parts.encoder else 0.0
     need = parts.required_voltage()
-    if parts.gains and need and friction_v > 0.0:
+    if friction_v >= limits.max_voltage_v:
+        words = (
+            f"found {limits.max_voltage_v:g}, the axis could not be moved: friction alone needs "
+            f"{friction_v:g} V, at theta(0); should be above that"
+        )
+        found.append((("limits", "max_voltage_v"), words))
+    elif parts.gains and need and friction_v > 0.0:
         found += _held_back(limits, guards, parts.gains, need, friction_v, least_m)
     if parts.dual and rate_hz:
         found += _squared(parts, guards, friction_v, rate_hz, least_m)

@@ -14,7 +14,9 @@ from motorctl.config.axis_parts import AxisParts
 from motorctl.config.dual_drive_keys import SECOND_END
 from motorctl.config.dual_drive_rules import most_skew_m
 from motorctl.config.exchange import ask_exchange
+from motorctl.config.guard_keys import Guards
 from motorctl.config.hardware import Wiring, channels_of
+from motorctl.config.homing_way_rules import check_homing_way
 from motorctl.config.machine import DriverSetup
 from motorctl.config.programs import followed_program
 from motorctl.config.validation import Finding
@@ -95,7 +97,7 @@ def check_way(
     limits, homing, dual = parts.limits, parts.homing, parts.dual
     if limits is None or homing is None or len(ways) != (1 if dual is None else 2):
         return []
-    found: list[Finding] = [*_homing(homing, ways)]
+    found: list[Finding] = [*check_homing_way(homing, ways)]
     if dual is not None:
         found += _square(parts, limits, homing, ways)
     ends = [_End(way, shifts) for i, way in enumerate(ways) if (shifts := _shifts(parts, way, i))]
@@ -103,6 +105,7 @@ def check_way(
         # By so much the ends of a beam may be apart, however it is homed.
         apart_m = abs(dual.square_offset_m) + (dual.max_out_of_square_m or 0.0) if dual else 0.0
         found += _soft_limits(limits, ends, apart_m)
+        found += _limit_switches(parts, ends)
         program = followed_program(document, parts.name, programs)
         if program is not None:
             range_m = program.trajectories()[parts.name].peaks().range_m
@@ -142,7 +145,7 @@ def _soft_limits(limits: Limits, ends: Sequence[_End], apart_m: float) -> Iterat
 
     Behind one alone it may be what somebody puts in the way of a simulated machine. Where only the
     following error at rest, by which they trip outside the travel, brings them there, a note asks
-    for the room (`guard_notes`).
+    for the room (`guard_notes`): who wants few trips of a simulated machine writes a large one.
     """
     found: list[Finding] = []
     for side, name, sign in ((0, "lower", -1.0), (1, "upper", 1.0)):
@@ -159,6 +162,25 @@ def _soft_limits(limits: Limits, ends: Sequence[_End], apart_m: float) -> Iterat
             found.append((("limits", "travel_m", side), words))
     if len(found) == 2:
         yield from found
+
+
+def _limit_switches(parts: AxisParts, ends: Sequence[_End]) -> Iterator[Finding]:
+    """Look for a reaction to limit switches that are all behind the end stops."""
+    if parts.guards is None or parts.guards.limit_switch == Guards().limit_switch:
+        return
+    switches = [end.way.limit_switches_m for end in ends]
+    told = [pair for pair in switches if pair is not None]
+    behind = (
+        (pair[0] < end.way.reach_m[0] and pair[1] > end.way.reach_m[1])
+        for pair, end in zip(switches, ends, strict=True)
+        if pair is not None
+    )
+    if told and all(behind):
+        yield (
+            ("guards", "limit_switch"),
+            f"can never trip: the simulated plant's limit switches, limit_switches_m {told[0]}, "
+            "are behind its end stops; move them, or remove the guard here",
+        )
 
 
 def _program(
@@ -187,27 +209,6 @@ def _program(
             return
 
 
-def _homing(homing: Homing, ways: Sequence[Way]) -> Iterator[Finding]:
-    """Look for limit switches that an axis that seeks its home switch meets before."""
-    velocity = homing.search_velocity_m_s
-    if homing.method not in ("switch", "switch_index") or not velocity:
-        return
-    side, sign = (0, -1.0) if velocity < 0.0 else (1, 1.0)
-    for way in ways:
-        if way.home_switch_m is None or way.limit_switches_m is None:
-            continue
-        nearest_m, ends_m = way.home_switch_m[1 - side], way.limit_switches_m[side]
-        if sign * nearest_m > sign * ends_m:
-            yield (
-                ("homing", "method"),
-                f"found '{homing.method}', would always end in the fault homing_failed: the search "
-                f"at {velocity:g} m/s meets the simulated plant's limit switch at {ends_m:g} m "
-                f"before its home switch, which is pressed from {nearest_m:g} m on; move one of "
-                "them, or search the other way",
-            )
-            return
-
-
 def _square(
     parts: AxisParts, limits: Limits, homing: Homing, ways: Sequence[Way]
 ) -> Iterator[Finding]:
@@ -219,13 +220,23 @@ def _square(
     if not apart:
         return
     true_m = min(apart, key=lambda m: abs(m - dual.square_offset_m))
-    off_m, most_m = abs(true_m - dual.square_offset_m), most_skew_m(dual.skew, limits)
-    if off_m > most_m + dual.max_out_of_square_m:
+    off_m, askew_m = abs(true_m - dual.square_offset_m), _askew_m(parts, limits)
+    if off_m > askew_m + dual.max_out_of_square_m:
         yield (
             ("dual_drive", "square_offset_m"),
             f"found {dual.square_offset_m:g}, homing would always end in the fault not_square: "
             f"the simulated switches or marks of the two ends are {true_m:g} m apart, "
-            f"{off_m:.3g} m off that, and a beam that max_voltage_v {limits.max_voltage_v:g} V "
-            f"skew by {most_m:.3g} m at most makes up for no more than that and "
-            f"max_out_of_square_m {dual.max_out_of_square_m:g} m",
+            f"{off_m:.3g} m off that, and a beam that friction holds askew by {askew_m:.3g} m at "
+            "most makes up for no more than that and max_out_of_square_m "
+            f"{dual.max_out_of_square_m:g} m",
         )
+
+
+def _askew_m(parts: AxisParts, limits: Limits) -> float:
+    """Return how far a beam without power may stand askew: friction at its bound holds it so."""
+    assert parts.dual is not None
+    stiffness_v_m = parts.dual.skew.stiffness_v_m
+    place = parts.model.index_of("direction") if parts.model else None
+    if place is None or not stiffness_v_m:
+        return most_skew_m(parts.dual.skew, limits)
+    return parts.estimates[place].upper / stiffness_v_m

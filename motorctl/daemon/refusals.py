@@ -78,6 +78,8 @@ class Refusals:
             case Reply.EXCITED:
                 message = f"axis {name} is excited already: wait until that ends, or stop the axis"
                 return RefusedError(Code.WRONG_STATE, message)
+            case Reply.NO_HOMING if self._state(name) is State.FAULT:
+                return self.wrong_state(command, name)
             case Reply.NO_HOMING:
                 message = (
                     f"axis {name} has an absolute encoder: there is nothing to home; "
@@ -95,7 +97,7 @@ class Refusals:
 
     def wrong_state(self, command: str, name: str) -> RefusedError:
         """Return what is answered where the axis' state does not allow a command."""
-        state = State(int(self._memory.axis_status["inner_state"][self._names.index(name)]))
+        state = self._state(name)
         absolute = name in self._absolute
         message = (
             f"axis {name} is {state_words(state)}: {command} is not possible; "
@@ -104,6 +106,9 @@ class Refusals:
         if state is State.FAULT:
             message += f"; `motorctl status {name}` tells why it tripped, and what to do"
         return RefusedError(Code.WRONG_STATE, message)
+
+    def _state(self, name: str) -> State:
+        return State(int(self._memory.axis_status["inner_state"][self._names.index(name)]))
 
     def unknown(self, axis: str) -> RefusedError:
         """Return what is answered where there is no such axis."""

@@ -18,6 +18,7 @@ from motorctl.identify.columns.measured import Measured, with_others
 from motorctl.identify.columns.position_noise import position_noise_density, position_noise_rms
 from motorctl.identify.compare.measures import MeasuredRun, measure_axis
 from motorctl.identify.fit.declared_models import machine_of
+from motorctl.identify.fit.judgement import EntangledInputError
 from motorctl.identify.fit.recording import fit_axis
 from motorctl.log import AxisRecording, Recording
 from motorctl.log.sample import SampleFlag
@@ -283,9 +284,16 @@ def _plant(
 
     rings: whether to say that a part that the model has on a spring is not in it.
     """
-    model = before.declared
-    fit = fit_axis(data, model)
-    place, viscous = model.index_of("acceleration"), model.index_of("velocity")
+    model, notes = before.declared, []
+    try:
+        fit = fit_axis(data, model)
+    except EntangledInputError:
+        fit = fit_axis(data, model.without_electromagnetic())
+        notes.append(
+            "the log does not tell inertia from the electromagnetic effects: it was fitted without "
+            "them, so it is a mean over the commands, and the loop at rest has a little less margin"
+        )
+    place, viscous = fit.model.index_of("acceleration"), fit.model.index_of("velocity")
     assert place is not None  # no configuration is valid without
     theta1, error = float(fit.theta[place]), float(fit.std_error[place])
     if not error <= VAGUE_INERTIA * theta1:
@@ -306,8 +314,8 @@ def _plant(
         lag_s=model.lag_s,
         delay_open_s=open_s,
     )
-    told = (model.parameter_names[place], "delay")
-    notes = [note for note in fit.notes if any(name in note for name in told)]
+    told = (fit.model.parameter_names[place], "delay")
+    notes += [note for note in fit.notes if any(name in note for name in told)]
     for ringing in (e.name for e in axis.model.effects if rings and "resonance" in e.groups):
         notes.append(
             f"{ringing} is not in the plant around which margins and stability are reckoned: look "

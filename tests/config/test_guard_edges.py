@@ -179,7 +179,8 @@ def test_a_reaction_to_partners_of_an_axis_that_is_alone_is_refused(tmp_path):
 def test_a_simulated_axis_without_limit_switches_is_noted(tmp_path, preset):
     def advice(**plant):
         room = {"travel_m": [-0.2, 0.4], "limit_switches_m": [-0.15, 0.35]}
-        plants = {0: room | {"home_switch": {"to_m": -0.05}} | plant}
+        seen = {"home_switch": {"to_m": -0.05}, "encoder": {"index_marks_m": [-0.04]}}
+        plants = {0: room | seen | plant}
         changes = {"drivers__line": {"type": "sim", "preset": preset, "plants": plants}}
         return noted(tmp_path, "guards.limit_switch never trips", **changes)
 

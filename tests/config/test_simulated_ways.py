@@ -77,13 +77,74 @@ def test_a_search_that_meets_the_limit_switch_before_the_home_switch_is_refused(
 
 
 def test_switches_of_two_ends_that_no_beam_can_be_squared_by_are_refused(tmp_path):
-    # 0.4 mm apart; 10 V skew 500 V/m by 20 mm, and 2 mm are allowed.
+    # 0.4 mm apart; 0.4 V of friction, its bound, hold 500 V/m askew by 0.8 mm; 2 mm are allowed.
     data = shipped("dual_gantry")
-    data["axes"]["x"]["dual_drive"]["square_offset_m"] = 0.1
-    words = ["found 0.1", "not_square", "0.0004 m apart", "0.0996 m off", "0.02 m", "0.002 m"]
+    data["axes"]["x"]["dual_drive"]["square_offset_m"] = 0.015
+    words = ["found 0.015", "not_square", "0.0004 m apart", "0.0146 m off", "0.0008 m", "0.002 m"]
     tells(tmp_path, data, axes__x__dual_drive__square_offset_m=words)
-    data["axes"]["x"]["dual_drive"]["square_offset_m"] = 0.0223
+    data["axes"]["x"]["dual_drive"]["square_offset_m"] = 0.0031
     assert problems(tmp_path, data) == ()
+
+
+@pytest.mark.parametrize("name", ["small_stage", "dual_gantry"])
+def test_a_search_away_from_the_home_switch_is_refused(tmp_path, name):
+    data = shipped(name)
+    data["axes"]["x"]["homing"]["search_velocity_m_s"] = 0.05
+    words = ["found 0.05", "homing_failed", "leads away from", "pressed from -0.08 m on"]
+    tells(tmp_path, data, axes__x__homing__search_velocity_m_s=words)
+
+
+def test_a_home_switch_behind_an_end_stop_is_refused(tmp_path):
+    data = shipped("small_stage", home_switch={"to_m": -0.2}, limit_switches_m=None)
+    words = ["homing_failed", "end stop lets it, -0.1117 m", "pressed from -0.2 m on"]
+    tells(tmp_path, data, axes__x__homing__method=words)
+
+
+@pytest.mark.parametrize("mark_m", [-0.2, -0.09, 0.1001])
+def test_index_marks_that_are_not_on_the_way_from_the_switch_are_refused(tmp_path, mark_m):
+    data = shipped("small_stage", encoder={"index_marks_m": [mark_m]})
+    data["axes"]["x"]["program"] = None
+    words = ["found 0.01", "homing_failed", "edge at -0.08 m", "-0.1 and 0.1 m"]
+    tells(tmp_path, data, axes__x__homing__latch_velocity_m_s=words)
+
+
+def test_homing_that_is_given_up_before_it_comes_to_the_index_mark_is_refused(tmp_path):
+    data = shipped("small_stage")
+    data["axes"]["x"]["homing"] |= {"latch_velocity_m_s": 2e-4, "timeout_s": 49.0}
+    words = ["found 49", "should be above 50 s", "0.01 m from the home switch's edge", "0.0002 m/s"]
+    tells(tmp_path, data, axes__x__homing__timeout_s=words)
+    data["axes"]["x"]["homing"]["timeout_s"] = 51.0
+    assert problems(tmp_path, data) == ()
+
+
+def test_homing_by_an_index_mark_alone_has_time_for_the_longest_way_to_the_next(tmp_path):
+    marks = {"index_marks_m": [-0.03, 0.05]}
+    data = shipped("small_stage", encoder=marks)
+    data["axes"]["x"]["homing"] |= {"method": "index", "latch_velocity_m_s": 1e-3}
+    data["axes"]["x"]["program"] = None
+    data["axes"]["x"]["homing"]["timeout_s"] = 81.0
+    # From the end stop, 111.7 mm below the middle, to the first mark it is 81.7 mm.
+    tells(tmp_path, data, axes__x__homing__timeout_s=["above 81.7 s: 0.0817 m to the simulated"])
+    data["axes"]["x"]["homing"]["timeout_s"] = 82.0
+    assert problems(tmp_path, data) == ()
+
+
+def test_a_reaction_to_limit_switches_behind_the_end_stops_is_refused(tmp_path):
+    data = shipped("published_gantry", limit_switches_m=[-5.0, 5.0])
+    assert problems(tmp_path, data) == ()
+    data["axes"]["x"]["guards"] = {"limit_switch": {"reaction": "quick_stop"}}
+    words = ["can never trip", "limit_switches_m (-5.0, 5.0)", "behind its end stops"]
+    tells(tmp_path, data, axes__x__guards__limit_switch=words)
+
+
+def test_an_axis_whose_voltage_does_not_overcome_friction_is_refused(tmp_path):
+    data = shipped("small_stage")
+    data["axes"]["x"]["limits"]["max_voltage_v"] = 0.04
+    data["axes"]["x"]["program"] = None
+    told = {problem.key: problem.message for problem in problems(tmp_path, data)}
+    message = told["axes.x.limits.max_voltage_v"]
+    assert "found 0.04" in message
+    assert "friction alone needs 0.05 V" in message
 
 
 def test_a_plant_whose_encoder_is_reversed_tells_of_no_ends(tmp_path):

@@ -63,6 +63,10 @@ class ForceOfPlaceError(DataError):
     """A force of the place that the model lacks outweighs inertia."""
 
 
+class EntangledInputError(DataError):
+    """Inertia cannot be told from the electromagnetic effects."""
+
+
 def check_direction(
     data: Measured,
     model: EffectList,
@@ -80,6 +84,13 @@ def check_direction(
     if b > SIGNIFICANT * error:
         return
     check_exchanged(data, None, FitOptions())
+    entangled = [effect.name for effect in model.effects if effect.electromagnetic]
+    if entangled and _drives(data, model.without_electromagnetic(), bandwidth_rows):
+        raise EntangledInputError(
+            f"{data.place}: it cannot tell inertia from {' and '.join(entangled)}: without them "
+            "the command does accelerate the axis; give a recording that accelerates at several "
+            "levels, or fit a model without them"
+        )
     if _drives_beside_place(data, model):
         raise ForceOfPlaceError(
             f"{data.place}: a force of the place, such as a weight, that the model does not "
@@ -107,10 +118,13 @@ def _drives_beside_place(data: Measured, model: EffectList) -> bool:
         for name, cls in known_effects().items()
         if name not in present and (effect := cls.over_place(knots)) is not None
     ]
-    if not beside:
-        return False
+    return bool(beside) and _drives(data, EffectList([*model.effects, *beside]))
+
+
+def _drives(data: Measured, model: EffectList, bandwidth_rows: int | None = None) -> bool:
+    """Return whether inertia is positive in a model; None: a share of the rows is correlated."""
     try:
-        columns = prepare(data, EffectList([*model.effects, *beside]), FitOptions())
+        columns = prepare(data, model, FitOptions())
     except DataError:
         return False
     psi, command = columns.at(0.0)
@@ -119,9 +133,9 @@ def _drives_beside_place(data: Measured, model: EffectList) -> bool:
         return False
     solution = solve(found)
     scores = found.X * solution.residual[:, None]
-    variance = sandwich(solution.bread, scores, len(scores) // CORRELATED_PARTS)[
-        found.inertia, found.inertia
-    ]
+    if bandwidth_rows is None:
+        bandwidth_rows = len(scores) // CORRELATED_PARTS
+    variance = sandwich(solution.bread, scores, bandwidth_rows)[found.inertia, found.inertia]
     return bool(solution.b[found.inertia] > SIGNIFICANT * math.sqrt(max(variance, 0.0)))
 
 
