@@ -51,6 +51,12 @@ def notes_on_guards(machine: Machine, watchdogs_s: Mapping[str, float | None]) -
         late = machine.drivers[axis.driver].late
         if machine.loop.without_realtime == "degrade":
             yield from _short_pause(axis, watchdog_s)
+            if late.hold_ticks == 0 and not machine.drivers[axis.driver].cls.simulated:
+                yield (
+                    f"axis {name}: drivers.{axis.driver}.late.hold_ticks 0 trips "
+                    "guards.no_new_sample at the first sample that comes a tick late, which is "
+                    "usual without real time, and loop.without_realtime degrade runs there, too"
+                )
         yield from _blind_way(axis, late.hold_ticks, period_s)
         if watchdog_s is not None and not machine.drivers[axis.driver].cls.simulated:
             yield from _left_alone(axis, watchdog_s)

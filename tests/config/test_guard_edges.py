@@ -355,3 +355,15 @@ def test_a_watchdog_within_which_an_axis_crosses_half_of_its_travel_is_noted(
     data["drivers"]["gantry"]["sync"]["wait_s"] = 1.4e-3
     told = summarise(load(write(tmp_path, data)))["notes"]
     assert sum("goes on with the last command" in note for note in told) == notes
+
+
+@pytest.mark.parametrize(("hold_ticks", "without"), [(0, "degrade"), (0, "refuse"), (2, "degrade")])
+def test_a_bus_that_may_not_be_late_by_a_tick_is_noted_where_real_time_may_lack(
+    tmp_path, hold_ticks, without
+):
+    data = yaml.safe_load(shipped_config("can_gantry").read_text())
+    data["drivers"]["gantry"]["late"] = {"hold_ticks": hold_ticks, "predict": True}
+    data["loop"]["without_realtime"] = without
+    notes = summarise(load(write(tmp_path, data)))["notes"]
+    told = [note for note in notes if "at the first sample that comes a tick late" in note]
+    assert len(told) == (2 if (hold_ticks, without) == (0, "degrade") else 0)
