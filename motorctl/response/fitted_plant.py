@@ -80,9 +80,26 @@ class FittedPlant:
     lag_s: float
     errors: tuple[float, float, float, float]
     """Standard errors of these four."""
+    delay_at_lag: tuple[float, float]
+    """By how much the delay changes with the lag, about -1, as a response tells both together
+    better than which is which; and its standard error [s] where the lag is known."""
     parts: tuple[RingingPart, ...]
     error_db: float
     """What it leaves of the coherent lines, rms [dB]."""
+
+    def mostly_delay(self, errors: float) -> tuple[float, float]:
+        """Return delay and lag [s] where as much of them is delay as may be.
+
+        A delay costs more margin than a lag as long.
+
+        Parameters
+        ----------
+        errors
+            So many standard errors less lag, and then more delay.
+        """
+        lag_s = max(self.lag_s - errors * self.errors[3], 0.0)
+        slope, error_s = self.delay_at_lag
+        return self.delay_s + slope * (lag_s - self.lag_s) + errors * error_s, lag_s
 
     def response(self, frequency_hz: Array, period_s: float) -> ComplexArray:
         """Return its response P [m/V] at some frequencies."""
@@ -97,6 +114,13 @@ class FittedPlant:
 def fit_plant(response: Response) -> FittedPlant:
     """Return the plant that a response's coherent lines tell."""
     return _Fit(response).found()
+
+
+def _conditional(covariance: Array) -> tuple[float, float]:
+    """Return by how much the first changes with the second, and its error where that is known."""
+    (first, both), (_, second) = covariance
+    slope = both / second if second > 0.0 else 0.0
+    return float(slope), float(np.sqrt(max(first - slope * both, 0.0)))
 
 
 def _column(form: Effect, w: Array) -> ComplexArray:
@@ -233,7 +257,8 @@ class _Fit:
         return float(20.0 * np.max(np.abs(np.log10(np.abs(ratio)))))
 
     def _told(self, values: Array, forms: list[Effect], jacobian: Array) -> FittedPlant:
-        errors = np.sqrt(np.clip(np.diag(np.linalg.pinv(jacobian.T @ jacobian)), 0.0, np.inf))
+        covariance = np.asarray(np.linalg.pinv(jacobian.T @ jacobian), np.float64)
+        errors = np.sqrt(np.clip(np.diag(covariance), 0.0, np.inf))
         miss = np.log(np.abs(self._modelled(values, forms) / self._plant))
         parts, at = [], 4
         for form, (share, refined) in zip(forms, self._parts(values, forms), strict=True):
@@ -248,6 +273,7 @@ class _Fit:
             delay_s=float(values[2]),
             lag_s=float(values[3]),
             errors=(float(np.exp(values[0]) * errors[0]), *errors[1:4].tolist()),
+            delay_at_lag=_conditional(covariance[2:4, 2:4]),
             parts=tuple(sorted(parts, key=lambda part: part.resonance_hz)),
             error_db=float(20.0 / np.log(10.0) * np.sqrt(np.mean(miss**2))),
         )

@@ -265,14 +265,14 @@ def _as_measured(
         f"{LINE_ERRORS:g} standard errors of it; beyond, around the plant that was fitted to it"
     )
     notes += [f"in the plant: {part}" for part in measured.parts]
-    open_s = DELAY_ERRORS * fitted.errors[2]
+    delay_s, lag_s = fitted.mostly_delay(DELAY_ERRORS)
     known = replace(
         plant,
         theta1=fitted.theta1,
         theta2=fitted.theta2,
-        delay_s=fitted.delay_s + open_s,
-        lag_s=fitted.lag_s,
-        delay_open_s=open_s,
+        delay_s=delay_s,
+        lag_s=lag_s,
+        delay_open_s=delay_s - fitted.delay_s,
     )
     return known, tuple(notes)
 

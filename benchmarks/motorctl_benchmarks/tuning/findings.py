@@ -26,8 +26,8 @@ from motorctl_benchmarks.tuning.grid import best_of_grid, run_with
 from motorctl_benchmarks.tuning.machines import TunedMachine, drawn_machine, shipped_machines
 from motorctl_benchmarks.worker_pool import run_tasks
 
-NOISE_V = 0.5
-WANTED = MarginsWanted(30.0, 10.0 ** (6.0 / 20.0), NOISE_V)
+WANTED = MarginsWanted(30.0, 10.0 ** (6.0 / 20.0), command_noise_v=10.0)
+"""As much noise as there is voltage: no gains of the grid are left out for theirs."""
 NEAR = 1.1
 """The tuned error may be so many times the best of the grid."""
 
