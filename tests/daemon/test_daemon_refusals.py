@@ -272,3 +272,12 @@ def test_what_became_of_an_axis_after_its_excitation_is_not_stopped(loop: Loop) 
     lead(loop, State.FOLLOWING)  # a motion after it
     loop.leave(second)
     assert loop.asked == [Verb.EXCITE, Verb.EXCITE, Verb.STOP]
+
+
+def test_home_of_an_absolute_axis_in_fault_tells_its_state_and_what_is_possible(loop: Loop) -> None:
+    lead(loop, State.FAULT)
+    no = loop.refusal('{"do": "home", "axis": "x"}', Reply.NO_HOMING)
+    assert no.code == "wrong_state"
+    assert "axis x is in fault: home is not possible; possible now: " in no.message
+    lead(loop, State.HOLDING)
+    assert loop.refusal('{"do": "home", "axis": "x"}', Reply.NO_HOMING).code == "no_homing"
