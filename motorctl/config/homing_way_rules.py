@@ -6,14 +6,13 @@ wherever the axis is, at the latching velocity to an index mark.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Sequence
 
 from motorctl.config.axis_keys import Homing
 from motorctl.config.validation import Finding
 from motorctl.hal import Way
 
-FAILS = "would always end in the fault homing_failed"
+FAILS = "would always end in a fault"
 
 
 def check_homing_way(homing: Homing, ways: Sequence[Way]) -> Iterator[Finding]:
@@ -46,6 +45,12 @@ def _switch(homing: Homing, way: Way) -> Finding | None:
     side, sign = _towards(velocity)
     near_m, behind_m, ahead_m = switch[1 - side], way.reach_m[1 - side], way.reach_m[side]
     search = f"the search at {velocity:g} m/s"
+    if sign * near_m <= sign * behind_m and sign * switch[side] >= sign * ahead_m:
+        return (
+            ("homing", "method"),
+            f"found '{homing.method}', {FAILS}: the simulated plant's home switch is pressed "
+            "wherever the axis can be, so it has no edge there; move it",
+        )
     if sign * near_m <= sign * behind_m:
         return (
             ("homing", "search_velocity_m_s"),
@@ -80,32 +85,24 @@ def _mark(homing: Homing, way: Way) -> Finding | None:
         if way.home_switch_m is None or not homing.search_velocity_m_s:
             return None
         begin_m = way.home_switch_m[1 - _towards(homing.search_velocity_m_s)[0]]
-    low_m, high_m = way.reach_m
+    end_m = way.reach_m[side]  # a limit switch stops only what moves towards it
     if way.limit_switches_m is not None:
-        low_m, high_m = max(low_m, way.limit_switches_m[0]), min(high_m, way.limit_switches_m[1])
-    ahead = sorted(
-        sign * (mark - begin_m)
-        for mark in way.index_marks_m
-        if low_m < mark < high_m and sign * mark >= sign * begin_m
-    )
+        end_m = sign * min(sign * end_m, sign * way.limit_switches_m[side])
+    ahead = [sign * (mark - begin_m) for mark in way.index_marks_m if sign * mark < sign * end_m]
+    ahead = [way_m for way_m in ahead if way_m >= 0.0]
     after = "" if homing.method == "index" else f" from the home switch's edge at {begin_m:g} m"
     if not ahead:
         return (
             ("homing", "latch_velocity_m_s"),
             f"found {velocity:g}, {FAILS}: that way{after} the simulated plant has no index mark "
-            f"between its ends, {low_m:.4g} and {high_m:.4g} m; move a mark, or latch the other "
-            "way",
+            f"before {end_m:.4g} m, where its way ends; move a mark, or latch the other way",
         )
-    # Behind a switch the first mark counts; without one an axis may stand anywhere before the next.
-    way_m = ahead[0]
-    if homing.method == "index":
-        way_m = max(b - a for a, b in zip([0.0, *ahead], ahead, strict=False))
-    takes_s = way_m / abs(velocity)
-    if homing.timeout_s and takes_s > homing.timeout_s and math.isfinite(takes_s):
+    takes_s = min(ahead) / abs(velocity)
+    if homing.method == "switch_index" and homing.timeout_s and takes_s > homing.timeout_s:
         return (
             ("homing", "timeout_s"),
-            f"found {homing.timeout_s:g}, should be above {takes_s:.3g} s: {way_m:.3g} m{after} to "
-            f"the simulated plant's index mark at {abs(velocity):g} m/s",
+            f"found {homing.timeout_s:g}, should be above {takes_s:.3g} s: {min(ahead):.3g} m"
+            f"{after} to the simulated plant's index mark at {abs(velocity):g} m/s",
         )
     return None
 

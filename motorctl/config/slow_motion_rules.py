@@ -47,10 +47,10 @@ def check_slow_motion(document: Document, parts: AxisParts, rate_hz: float | Non
     found: list[Finding] = []
     least_m = COUNTS_AT_REST * parts.encoder.resolution_m if parts.encoder else 0.0
     need = parts.required_voltage()
-    if friction_v >= limits.max_voltage_v:
+    if (least_v := _least_friction_v(parts)) >= limits.max_voltage_v:
         words = (
-            f"found {limits.max_voltage_v:g}, the axis could not be moved: friction alone needs "
-            f"{friction_v:g} V, at theta(0); should be above that"
+            f"found {limits.max_voltage_v:g}, the axis could follow nothing: friction alone needs "
+            f"{least_v:g} V, at the lower bound of the model's; should be above that"
         )
         found.append((("limits", "max_voltage_v"), words))
     elif parts.gains and need and friction_v > 0.0:
@@ -67,6 +67,12 @@ def _friction_v(parts: AxisParts) -> float:
     """Return the friction that depends on the direction alone, at theta(0); 0 without."""
     place = parts.model.index_of("direction") if parts.model else None
     return 0.0 if place is None else parts.estimates[place].initial
+
+
+def _least_friction_v(parts: AxisParts) -> float:
+    """Return the same at the lower bound."""
+    place = parts.model.index_of("direction") if parts.model else None
+    return 0.0 if place is None else parts.estimates[place].lower
 
 
 def _held_back(

@@ -92,14 +92,17 @@ def check_way(
     Returns
     -------
     list of Problem
-        Of soft limits that never trip; of a program, or homing, that always would.
+        Of soft limits and limit switches that never trip; of a program, or homing, that always
+        would.
     """
     limits, homing, dual = parts.limits, parts.homing, parts.dual
     if limits is None or homing is None or len(ways) != (1 if dual is None else 2):
         return []
-    found: list[Finding] = [*check_homing_way(homing, ways)]
-    if dual is not None:
-        found += _square(parts, limits, homing, ways)
+    found: list[Finding] = []
+    if all(direction == 1 for direction in _directions(parts)):
+        found += check_homing_way(homing, ways)
+        if dual is not None:
+            found += _square(parts, limits, homing, ways)
     ends = [_End(way, shifts) for i, way in enumerate(ways) if (shifts := _shifts(parts, way, i))]
     if len(ends) == len(ways):
         # By so much the ends of a beam may be apart, however it is homed.
@@ -114,6 +117,14 @@ def check_way(
         document.problem(("axes", parts.name, *where), parts.units.words(what))
         for where, what in found
     ]
+
+
+def _directions(parts: AxisParts) -> tuple[int, ...]:
+    """Return whether each end's encoder counts as its way does, 1, or against it, -1."""
+    if parts.encoder is None:
+        return ()
+    first = parts.encoder.direction
+    return (first,) if parts.dual is None else (first, parts.dual.encoder_direction)
 
 
 def _shifts(parts: AxisParts, way: Way, end: int) -> tuple[float, ...]:
@@ -145,7 +156,7 @@ def _soft_limits(limits: Limits, ends: Sequence[_End], apart_m: float) -> Iterat
 
     Behind one alone it may be what somebody puts in the way of a simulated machine. Where only the
     following error at rest, by which they trip outside the travel, brings them there, a note asks
-    for the room (`guard_notes`): who wants few trips of a simulated machine writes a large one.
+    for the room (`guard_notes`): who wants few trips of a simulated machine writes a large error.
     """
     found: list[Finding] = []
     for side, name, sign in ((0, "lower", -1.0), (1, "upper", 1.0)):
@@ -220,23 +231,13 @@ def _square(
     if not apart:
         return
     true_m = min(apart, key=lambda m: abs(m - dual.square_offset_m))
-    off_m, askew_m = abs(true_m - dual.square_offset_m), _askew_m(parts, limits)
-    if off_m > askew_m + dual.max_out_of_square_m:
+    off_m, most_m = abs(true_m - dual.square_offset_m), most_skew_m(dual.skew, limits)
+    if off_m > most_m + dual.max_out_of_square_m:
         yield (
             ("dual_drive", "square_offset_m"),
             f"found {dual.square_offset_m:g}, homing would always end in the fault not_square: "
             f"the simulated switches or marks of the two ends are {true_m:g} m apart, "
-            f"{off_m:.3g} m off that, and a beam that friction holds askew by {askew_m:.3g} m at "
-            "most makes up for no more than that and max_out_of_square_m "
-            f"{dual.max_out_of_square_m:g} m",
+            f"{off_m:.3g} m off that, and a beam that max_voltage_v {limits.max_voltage_v:g} V "
+            f"skew by {most_m:.3g} m at most makes up for no more than that and "
+            f"max_out_of_square_m {dual.max_out_of_square_m:g} m",
         )
-
-
-def _askew_m(parts: AxisParts, limits: Limits) -> float:
-    """Return how far a beam without power may stand askew: friction at its bound holds it so."""
-    assert parts.dual is not None
-    stiffness_v_m = parts.dual.skew.stiffness_v_m
-    place = parts.model.index_of("direction") if parts.model else None
-    if place is None or not stiffness_v_m:
-        return most_skew_m(parts.dual.skew, limits)
-    return parts.estimates[place].upper / stiffness_v_m

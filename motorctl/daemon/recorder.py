@@ -58,6 +58,8 @@ class Recorder:
         still where a write does not come back."""
         self.failure: str | None = None
         """Why the last rows were not written, or None."""
+        self.thread_ended = False
+        """Whether its thread ended, and no new one has looked into the ring since."""
         self.lost_because: str | None = None
         """Why rows of this recording were lost, also where later ones could be written again."""
         self.timing = TimingSummary()
@@ -92,6 +94,7 @@ class Recorder:
         """Begin anew where the thread has died; the rows are in the ring, and `failure` tells."""
         if self.runs:
             return
+        self.thread_ended = True
         ended = "the recorder's thread ended unexpectedly and"
         self._thread = self._new_thread()
         try:
@@ -130,6 +133,7 @@ class Recorder:
             self._drain()
         except Exception as error:  # whatever it was: the next rows are tried again
             self.failure = self.lost_because = in_words(error)
+        self.thread_ended = False
         self.progress += 1
 
     def _drain(self) -> None:

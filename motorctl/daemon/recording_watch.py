@@ -69,7 +69,7 @@ class RecordingWatch:
         stood_s = self._looked_s - self._moved_s
         if stood_s < STANDS_S or self._progress != self._recorder.progress:
             return self._recorder.failure
-        if self._recorder.runs:
+        if not self._recorder.thread_ended:
             stands = f"the disk has taken nothing for {stood_s:.1f} s"
             where = "; `dmesg` may tell why the disk hangs"
         else:

@@ -58,7 +58,8 @@ class PlantEstimate:
     lag_s: float
     """Of the amplifier, as the model declares it [s]."""
     delay_open_s: float = 0.0
-    """What of `delay_s` its standard error leaves open [s]."""
+    """By how much delay and lag together exceed what was estimated, for what errors leave open
+    [s]."""
 
     def at(
         self, theta1: float, theta2: float, period_s: float, delay_s: float | None = None
@@ -181,7 +182,7 @@ def recorded_loop(
     error, d0_hat, ahead = _columns(recording, data, before, logged.period_of(name), rows)
     counted = len(range(*run.last_rows.indices(len(data.position))))
     used = with_others(recording, name)
-    plant, notes = _plant(used, before, axis, rings=response is None)
+    plant, notes = _plant(used, before, axis, alone=response is None)
     measured = None
     if response is not None:
         measured = measured_plant(response, name, logged.period_of(name))
@@ -272,27 +273,29 @@ def _as_measured(
         theta2=fitted.theta2,
         delay_s=delay_s,
         lag_s=lag_s,
-        delay_open_s=delay_s - fitted.delay_s,
+        delay_open_s=delay_s + lag_s - (fitted.delay_s + fitted.lag_s),
     )
     return known, tuple(notes)
 
 
 def _plant(
-    data: Measured, before: Axis, axis: Axis, *, rings: bool
+    data: Measured, before: Axis, axis: Axis, *, alone: bool
 ) -> tuple[PlantEstimate, tuple[str, ...]]:
     """Fit the plant; return it, and what is to be known of the fit.
 
-    rings: whether to say that a part that the model has on a spring is not in it.
+    alone: whether no response tells the plant better; then it is said what this one lacks.
     """
     model, notes = before.declared, []
     try:
         fit = fit_axis(data, model)
     except EntangledInputError:
         fit = fit_axis(data, model.without_electromagnetic())
-        notes.append(
-            "the log does not tell inertia from the electromagnetic effects: it was fitted without "
-            "them, so it is a mean over the commands, and the loop at rest has a little less margin"
-        )
+        if alone:
+            notes.append(
+                "the log does not tell inertia from the electromagnetic effects: it was fitted "
+                "without them, so it is a mean over the commands, and where the motor saturates "
+                "the loop at rest has less margin than is told"
+            )
     place, viscous = fit.model.index_of("acceleration"), fit.model.index_of("velocity")
     assert place is not None  # no configuration is valid without
     theta1, error = float(fit.theta[place]), float(fit.std_error[place])
@@ -316,7 +319,7 @@ def _plant(
     )
     told = (fit.model.parameter_names[place], "delay")
     notes += [note for note in fit.notes if any(name in note for name in told)]
-    for ringing in (e.name for e in axis.model.effects if rings and "resonance" in e.groups):
+    for ringing in (e.name for e in axis.model.effects if alone and "resonance" in e.groups):
         notes.append(
             f"{ringing} is not in the plant around which margins and stability are reckoned: look "
             f"at `motorctl response {axis.name}` with these gains before they are relied upon"

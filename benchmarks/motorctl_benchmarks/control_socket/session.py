@@ -16,7 +16,7 @@ import tempfile
 import time
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import AbstractContextManager, contextmanager, nullcontext
+from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
@@ -173,11 +173,18 @@ def _all_else_off(cpu: int) -> Iterator[None]:
     if cpu not in usual or usual == {cpu}:
         cpus = ", ".join(map(str, sorted(usual)))
         raise UsageError(f"--loop-cpu {cpu}: it must be one of two or more; here are {cpus}")
-    os.sched_setaffinity(0, usual - {cpu})
+    _run_on(usual - {cpu})
     try:
         yield
     finally:
-        os.sched_setaffinity(0, usual)
+        _run_on(usual)
+
+
+def _run_on(cpus: set[int]) -> None:
+    """Have every thread of this process run on these CPUs."""
+    for thread in Path("/proc/self/task").iterdir():
+        with suppress(ProcessLookupError):  # it may have ended meanwhile
+            os.sched_setaffinity(int(thread.name), cpus)
 
 
 def _config(options: SocketOptions, folder: Path) -> str:

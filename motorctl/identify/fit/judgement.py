@@ -84,13 +84,6 @@ def check_direction(
     if b > SIGNIFICANT * error:
         return
     check_exchanged(data, None, FitOptions())
-    entangled = [effect.name for effect in model.effects if effect.electromagnetic]
-    if entangled and _drives(data, model.without_electromagnetic(), bandwidth_rows):
-        raise EntangledInputError(
-            f"{data.place}: it cannot tell inertia from {' and '.join(entangled)}: without them "
-            "the command does accelerate the axis; give a recording that accelerates at several "
-            "levels, or fit a model without them"
-        )
     if _drives_beside_place(data, model):
         raise ForceOfPlaceError(
             f"{data.place}: a force of the place, such as a weight, that the model does not "
@@ -101,6 +94,13 @@ def check_direction(
         raise ReversedSignError(
             f"{data.place}: a positive command accelerates towards negative positions: the sign "
             "of one of the two is reversed; reverse it in the recording"
+        )
+    entangled = [effect.name for effect in model.effects if effect.electromagnetic]
+    if entangled and _drives(data, model.without_electromagnetic()):
+        raise EntangledInputError(
+            f"{data.place}: it cannot tell inertia from {' and '.join(entangled)}: without them "
+            "the command does accelerate the axis; give a recording that accelerates at several "
+            "levels, or fit a model without them"
         )
     raise NothingExplainedError(
         f"{data.place}: the command explains none of the acceleration; are these the position "
@@ -121,8 +121,8 @@ def _drives_beside_place(data: Measured, model: EffectList) -> bool:
     return bool(beside) and _drives(data, EffectList([*model.effects, *beside]))
 
 
-def _drives(data: Measured, model: EffectList, bandwidth_rows: int | None = None) -> bool:
-    """Return whether inertia is positive in a model; None: a share of the rows is correlated."""
+def _drives(data: Measured, model: EffectList) -> bool:
+    """Return whether inertia is positive in a model, whatever slow forces are besides."""
     try:
         columns = prepare(data, model, FitOptions())
     except DataError:
@@ -133,9 +133,9 @@ def _drives(data: Measured, model: EffectList, bandwidth_rows: int | None = None
         return False
     solution = solve(found)
     scores = found.X * solution.residual[:, None]
-    if bandwidth_rows is None:
-        bandwidth_rows = len(scores) // CORRELATED_PARTS
-    variance = sandwich(solution.bread, scores, bandwidth_rows)[found.inertia, found.inertia]
+    variance = sandwich(solution.bread, scores, len(scores) // CORRELATED_PARTS)[
+        found.inertia, found.inertia
+    ]
     return bool(solution.b[found.inertia] > SIGNIFICANT * math.sqrt(max(variance, 0.0)))
 
 
