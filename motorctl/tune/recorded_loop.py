@@ -20,6 +20,7 @@ from motorctl.identify.compare.measures import MeasuredRun, measure_axis
 from motorctl.identify.fit.declared_models import machine_of
 from motorctl.identify.fit.judgement import EntangledInputError
 from motorctl.identify.fit.recording import fit_axis
+from motorctl.identify.fit.result import AxisFit
 from motorctl.log import AxisRecording, Recording
 from motorctl.log.sample import SampleFlag
 from motorctl.response.measurement import Measurement
@@ -288,8 +289,11 @@ def _plant(
     model, notes = before.declared, []
     try:
         fit = fit_axis(data, model)
+        hidden = _disagreement(fit) is not None
     except EntangledInputError:
-        fit = fit_axis(data, model.without_electromagnetic())
+        hidden = True
+    if hidden and len(plain := model.without_electromagnetic()) < len(model):
+        fit = fit_axis(data, plain)
         if alone:
             notes.append(
                 "the log does not tell inertia from the electromagnetic effects: it was fitted "
@@ -299,11 +303,19 @@ def _plant(
     place, viscous = fit.model.index_of("acceleration"), fit.model.index_of("velocity")
     assert place is not None  # no configuration is valid without
     theta1, error = float(fit.theta[place]), float(fit.std_error[place])
+    unit = axis.units.words("V*s^2/m")
     if not error <= VAGUE_INERTIA * theta1:
         raise DataError(
-            f"{data.place}: its inertia is {theta1:.3g} +- {error:.2g} "
-            f"{axis.units.words('V*s^2/m')}: margins need it "
+            f"{data.place}: its inertia is {theta1:.3g} +- {error:.2g} {unit}: margins need it "
             f"within {100.0 * VAGUE_INERTIA:g} %: give a log of a program that accelerates more"
+        )
+    if alone and (others := _disagreement(fit)) is not None:
+        raise DataError(
+            f"{data.place}: its inertia is {others[0]:.3g} {unit} by least squares and "
+            f"{others[1]:.3g} by instruments built from the reference, and margins need it within "
+            f"{100.0 * VAGUE_INERTIA:g} %: something that the model lacks returns through the "
+            "feedback; let `motorctl diagnose` find it, or measure the response and give it with "
+            "--response"
         )
     # The fitted delay is all by which the command is late, a declared lag and delay included.
     open_s = DELAY_ERRORS * fit.estimate.delay_std_error_s
@@ -325,6 +337,17 @@ def _plant(
             f"at `motorctl response {axis.name}` with these gains before they are relied upon"
         )
     return plant, tuple(notes)
+
+
+def _disagreement(fit: AxisFit) -> tuple[float, float] | None:
+    """Return inertia by least squares, which the fit took, and by instruments; None: both agree."""
+    place = fit.model.index_of("acceleration")
+    if place is None or fit.instruments is None or fit.estimator == "instruments":
+        return None
+    ordinary, other = (float(e.theta[place]) for e in (fit.least_squares, fit.instruments))
+    weak = bool(fit.instruments.weaker_than(fit.least_squares)[place])
+    apart = abs(ordinary - other) > VAGUE_INERTIA * max(ordinary, other)
+    return (ordinary, other) if apart and not weak else None
 
 
 def _saturated(data: AxisRecording, rows: slice) -> float:
