@@ -289,7 +289,7 @@ def _plant(
     model, notes = before.declared, []
     try:
         fit = fit_axis(data, model)
-        hidden = _disagreement(fit) is not None
+        hidden = _denied(fit) is not None
     except EntangledInputError:
         hidden = True
     if hidden and len(plain := model.without_electromagnetic()) < len(model):
@@ -309,7 +309,7 @@ def _plant(
             f"{data.place}: its inertia is {theta1:.3g} +- {error:.2g} {unit}: margins need it "
             f"within {100.0 * VAGUE_INERTIA:g} %: give a log of a program that accelerates more"
         )
-    if alone and (others := _disagreement(fit)) is not None:
+    if alone and (others := _denied(fit)) is not None:
         raise DataError(
             f"{data.place}: its inertia is {others[0]:.3g} {unit} by least squares and "
             f"{others[1]:.3g} by instruments built from the reference, and margins need it within "
@@ -339,15 +339,14 @@ def _plant(
     return plant, tuple(notes)
 
 
-def _disagreement(fit: AxisFit) -> tuple[float, float] | None:
+def _denied(fit: AxisFit) -> tuple[float, float] | None:
     """Return inertia by least squares, which the fit took, and by instruments; None: both agree."""
     place = fit.model.index_of("acceleration")
     if place is None or fit.instruments is None or fit.estimator == "instruments":
         return None
     ordinary, other = (float(e.theta[place]) for e in (fit.least_squares, fit.instruments))
-    weak = bool(fit.instruments.weaker_than(fit.least_squares)[place])
     apart = abs(ordinary - other) > VAGUE_INERTIA * max(ordinary, other)
-    return (ordinary, other) if apart and not weak else None
+    return (ordinary, other) if apart and fit.disagreement()[place] else None
 
 
 def _saturated(data: AxisRecording, rows: slice) -> float:
