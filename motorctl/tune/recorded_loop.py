@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import product
 
@@ -23,6 +24,7 @@ from motorctl.identify.fit.recording import fit_axis
 from motorctl.identify.fit.result import AxisFit
 from motorctl.log import AxisRecording, Recording
 from motorctl.log.sample import SampleFlag
+from motorctl.model import EffectList
 from motorctl.response.measurement import Measurement
 from motorctl.tune.measured_plant import LINE_ERRORS, MeasuredPlant, measured_plant
 from motorctl.tune.same_loop import require_same_loop, require_sound_rows
@@ -287,35 +289,21 @@ def _plant(
     alone: whether no response tells the plant better; then it is said what this one lacks.
     """
     model, notes = before.declared, []
-    try:
-        fit = fit_axis(data, model)
-        hidden = _denied(fit) is not None
-    except EntangledInputError:
-        hidden = True
-    if hidden and len(plain := model.without_electromagnetic()) < len(model):
-        fit = fit_axis(data, plain)
-        if alone:
-            notes.append(
-                "the log does not tell inertia from the electromagnetic effects: it was fitted "
-                "without them, so it is a mean over the commands, and where the motor saturates "
-                "the loop at rest has less margin than is told"
-            )
+    fit, without = _fitted(data, model)
+    if without and alone:
+        notes.append(
+            "the log does not tell inertia from the electromagnetic effects: it was fitted without "
+            "them, so it is a mean over the commands, and where the motor saturates the loop at "
+            "rest has less margin than is told"
+        )
     place, viscous = fit.model.index_of("acceleration"), fit.model.index_of("velocity")
     assert place is not None  # no configuration is valid without
     theta1, error = float(fit.theta[place]), float(fit.std_error[place])
-    unit = axis.units.words("V*s^2/m")
-    if not error <= VAGUE_INERTIA * theta1:
+    if _is_vague(fit):
         raise DataError(
-            f"{data.place}: its inertia is {theta1:.3g} +- {error:.2g} {unit}: margins need it "
+            f"{data.place}: its inertia is {theta1:.3g} +- {error:.2g} "
+            f"{axis.units.words('V*s^2/m')}: margins need it "
             f"within {100.0 * VAGUE_INERTIA:g} %: give a log of a program that accelerates more"
-        )
-    if alone and (others := _denied(fit)) is not None:
-        raise DataError(
-            f"{data.place}: its inertia is {others[0]:.3g} {unit} by least squares and "
-            f"{others[1]:.3g} by instruments built from the reference, and margins need it within "
-            f"{100.0 * VAGUE_INERTIA:g} %: something that the model lacks returns through the "
-            "feedback; let `motorctl diagnose` find it, or measure the response and give it with "
-            "--response"
         )
     # The fitted delay is all by which the command is late, a declared lag and delay included.
     open_s = DELAY_ERRORS * fit.estimate.delay_std_error_s
@@ -339,14 +327,35 @@ def _plant(
     return plant, tuple(notes)
 
 
-def _denied(fit: AxisFit) -> tuple[float, float] | None:
-    """Return inertia by least squares, which the fit took, and by instruments; None: both agree."""
+def _fitted(data: Measured, model: EffectList) -> tuple[AxisFit, bool]:
+    """Return the fit that tells inertia, and whether it is one without electromagnetic effects."""
+    without = model.without_electromagnetic()
+    try:
+        fit = fit_axis(data, model)
+    except EntangledInputError:
+        return fit_axis(data, without), True
+    if _is_denied(fit) and len(without) < len(model):
+        with suppress(DataError):
+            plain = fit_axis(data, without)
+            if not (_is_vague(plain) or _is_denied(plain)):
+                return plain, True
+    return fit, False
+
+
+def _is_vague(fit: AxisFit) -> bool:
+    """Return whether a fit does not tell inertia well enough for margins."""
+    place = fit.model.index_of("acceleration")
+    return place is None or not fit.std_error[place] <= VAGUE_INERTIA * fit.theta[place]
+
+
+def _is_denied(fit: AxisFit) -> bool:
+    """Return whether instruments deny an inertia that least squares gave."""
     place = fit.model.index_of("acceleration")
     if place is None or fit.instruments is None or fit.estimator == "instruments":
-        return None
+        return False
     ordinary, other = (float(e.theta[place]) for e in (fit.least_squares, fit.instruments))
     apart = abs(ordinary - other) > VAGUE_INERTIA * max(ordinary, other)
-    return (ordinary, other) if apart and fit.disagreement()[place] else None
+    return apart and bool(fit.disagreement()[place])
 
 
 def _saturated(data: AxisRecording, rows: slice) -> float:
