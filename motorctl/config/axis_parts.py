@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from typing import TypeVar
 
@@ -81,6 +81,13 @@ class AxisParts:
         if self.declared is None or self.model is None:
             return ()
         return self.declared.estimates_of(self.model)
+
+    def problems(self, document: Document, findings: Iterable[Finding]) -> list[Problem]:
+        """Return findings of the axis with their lines, in its own units."""
+        return [
+            document.problem(("axes", self.name, *where), self.units.words(message))
+            for where, message in findings
+        ]
 
     def motion_limits(self) -> AxisLimits | None:
         """Return what a program may ask of the axis."""
@@ -171,11 +178,7 @@ def read_axis(document: Document, name: str) -> tuple[AxisParts, list[Problem]]:
 
 def check_axis(document: Document, parts: AxisParts, rate_hz: float | None) -> list[Problem]:
     """Apply every rule whose parts could be read; the rate is the axis' own [Hz]."""
-    path = ("axes", parts.name)
-    return [
-        document.problem((*path, *where), parts.units.words(message))
-        for where, message in _findings(document, parts, rate_hz)
-    ]
+    return parts.problems(document, _findings(document, parts, rate_hz))
 
 
 def _findings(document: Document, parts: AxisParts, rate_hz: float | None) -> Iterator[Finding]:

@@ -57,5 +57,5 @@ def check_following(
         f"{gains.k1_1_s:g} 1/s leaves the axis up to {own.most_m:.3g} m behind; "
         "should be above that, or gains.velocity be matched"
     )
-    where = ("axes", parts.name, "limits", "following_error", "minimum_m")
-    return [document.problem(where, parts.units.words(message))]
+    where = ("limits", "following_error", "minimum_m")
+    return parts.problems(document, [(where, message)])

@@ -41,13 +41,13 @@ def check_slow_motion(document: Document, parts: AxisParts, rate_hz: float | Non
     list of Problem
         Of limits that would always trip.
     """
-    limits, guards, friction_v = parts.limits, parts.guards, _friction_v(parts)
+    limits, guards, (friction_v, least_v) = parts.limits, parts.guards, _friction_v(parts)
     if limits is None or guards is None:
         return []
     found: list[Finding] = []
     least_m = COUNTS_AT_REST * parts.encoder.resolution_m if parts.encoder else 0.0
     need = parts.required_voltage()
-    if (least_v := _least_friction_v(parts)) >= limits.max_voltage_v:
+    if least_v >= limits.max_voltage_v:
         words = (
             f"found {limits.max_voltage_v:g}, the axis could follow nothing: friction alone needs "
             f"{least_v:g} V, at the lower bound of the model's; should be above that"
@@ -57,22 +57,15 @@ def check_slow_motion(document: Document, parts: AxisParts, rate_hz: float | Non
         found += _held_back(limits, guards, parts.gains, need, friction_v, least_m)
     if parts.dual and rate_hz:
         found += _squared(parts, guards, friction_v, rate_hz, least_m)
-    return [
-        document.problem(("axes", parts.name, *where), parts.units.words(what))
-        for where, what in found
-    ]
+    return parts.problems(document, found)
 
 
-def _friction_v(parts: AxisParts) -> float:
-    """Return the friction that depends on the direction alone, at theta(0); 0 without."""
+def _friction_v(parts: AxisParts) -> tuple[float, float]:
+    """Return the friction of the direction alone, at theta(0) and at its lower bound; 0 without."""
     place = parts.model.index_of("direction") if parts.model else None
-    return 0.0 if place is None else parts.estimates[place].initial
-
-
-def _least_friction_v(parts: AxisParts) -> float:
-    """Return the same at the lower bound."""
-    place = parts.model.index_of("direction") if parts.model else None
-    return 0.0 if place is None else parts.estimates[place].lower
+    if place is None:
+        return 0.0, 0.0
+    return parts.estimates[place].initial, parts.estimates[place].lower
 
 
 def _held_back(

@@ -113,10 +113,7 @@ def check_way(
         if program is not None:
             range_m = program.trajectories()[parts.name].peaks().range_m
             found += _program(program.name, range_m, limits, ends, apart_m)
-    return [
-        document.problem(("axes", parts.name, *where), parts.units.words(what))
-        for where, what in found
-    ]
+    return parts.problems(document, found)
 
 
 def _directions(parts: AxisParts) -> tuple[int, ...]:
@@ -132,12 +129,11 @@ def _shifts(parts: AxisParts, way: Way, end: int) -> tuple[float, ...]:
     homing, encoder, dual = parts.homing, parts.encoder, parts.dual
     if homing is None or encoder is None:
         return ()
-    direction, offset_m = encoder.direction, encoder.offset_m
-    if end and dual is not None:
-        direction = dual.encoder_direction
-        offset_m = offset_m if dual.encoder_offset_m is None else dual.encoder_offset_m
-    if direction != 1:
+    if _directions(parts)[end] != 1:
         return ()
+    offset_m = encoder.offset_m
+    if end and dual is not None and dual.encoder_offset_m is not None:
+        offset_m = dual.encoder_offset_m
     if homing.method == "absolute":
         return (offset_m,) if way.absolute else ()
     home_m = homing.home_position_m
@@ -179,17 +175,15 @@ def _limit_switches(parts: AxisParts, ends: Sequence[_End]) -> Iterator[Finding]
     """Look for a reaction to limit switches that are all behind the end stops."""
     if parts.guards is None or parts.guards.limit_switch == Guards().limit_switch:
         return
-    switches = [end.way.limit_switches_m for end in ends]
-    told = [pair for pair in switches if pair is not None]
-    behind = (
-        (pair[0] < end.way.reach_m[0] and pair[1] > end.way.reach_m[1])
-        for pair, end in zip(switches, ends, strict=True)
-        if pair is not None
-    )
-    if told and all(behind):
+    told = [
+        (switches, end.way.reach_m)
+        for end in ends
+        if (switches := end.way.limit_switches_m) is not None
+    ]
+    if told and all(low < first and high > last for (low, high), (first, last) in told):
         yield (
             ("guards", "limit_switch"),
-            f"can never trip: the simulated plant's limit switches, limit_switches_m {told[0]}, "
+            f"can never trip: the simulated plant's limit switches, limit_switches_m {told[0][0]}, "
             "are behind its end stops; move them, or remove the guard here",
         )
 

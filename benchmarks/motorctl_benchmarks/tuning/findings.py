@@ -12,7 +12,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from motorctl.config.analysis import LoopGains
+from motorctl.config.analysis import LoopMargins
 from motorctl.errors import MotorctlError
 from motorctl.latency.figure import Figure, Target
 from motorctl.latency.progress import Progress
@@ -144,7 +144,8 @@ def tune_one(folder: Path, task: int | str) -> Tuned:
     by_log_m, by_log_phase_deg = math.nan, math.nan
     with suppress(MotorctlError):
         by_log = tune(log, ready, axis, WANTED, _quiet).gains
-        by_log_m, by_log_phase_deg = run_with(machine, by_log, place), _phase(machine, by_log)
+        by_log_m = run_with(machine, by_log, place)
+        by_log_phase_deg = _phase(machine.margins(by_log))
     return Tuned(
         name=machine.name,
         before_m=tuning.loop.eF_m,
@@ -152,7 +153,7 @@ def tune_one(folder: Path, task: int | str) -> Tuned:
         predicted_m=tuning.chosen.prediction.eF_m,
         best_m=best_m,
         runs=runs,
-        phase_deg=_phase(machine, tuning.gains),
+        phase_deg=_phase(true),
         gain_db=20.0 * math.log10(true.gain_margin or math.inf),
         unstable_corners=machine.unstable_corners(tuning.gains),
         by_log_m=by_log_m,
@@ -169,9 +170,8 @@ def _response(machine: TunedMachine, folder: Path) -> Measurement:
     return measure_response([log], axis)
 
 
-def _phase(machine: TunedMachine, gains: LoopGains) -> float:
-    """Return the phase margin around the true plant [degrees]; 0 where the loop is unstable."""
-    told = machine.margins(gains)
+def _phase(told: LoopMargins) -> float:
+    """Return the phase margin [degrees]; 0 where the loop is unstable."""
     return (told.phase_margin_deg or 0.0) if told.stable else 0.0
 
 
