@@ -18,6 +18,8 @@ TAKES_STATE, TAKES_INPUTS, TAKES_EMERGENCY, TAKES_HEARTBEAT = range(4)
 HEARTBEATS_A_WATCHDOG = 4
 """So many heartbeats are sent in the time after which a drive that hears none switches off."""
 OPENING_PERIOD_S = 0.01
+SILENT_PERIODS = 3
+"""At most so many periods without SYNC tell that answers which are owed were lost."""
 UNSENT_PERIODS = 3
 """So many more without room for SYNC or commands than with it are a bus that is lost."""
 
@@ -29,6 +31,7 @@ class Exchange:
         self.link: Link
         self._nodes = tuple(nodes)
         self._wait_s = options.sync.wait_s
+        self._skipped_s = period_s + max(0.5 * period_s, self._wait_s)
         self._room = options.max_frames_per_read
         self._sync = _message(objects.SYNC_ID, 0)
         self._nmt = _message(objects.NMT_ID, 2)
@@ -57,9 +60,10 @@ class Exchange:
             node.missing = node.asked
             node.forget_owed()
             node.refused = False
-        self._quiet = False
+        self._quiet_left = 0
         self._in_doubt = self._surplus = False
-        self._calm_periods = 0
+        self._asked_s = 0.0
+        self._whole_periods = 0
         self._sent = self._waiting = False
         self._asked = True
         self._unsent = 0
@@ -97,16 +101,18 @@ class Exchange:
     def ask(self) -> None:
         """Send SYNC, and take the answers until all are here or it takes too long."""
         link = self.link
+        now_s = time.monotonic()
+        skipped = now_s - self._asked_s > self._skipped_s
+        self._asked_s = now_s
+        self._whole_periods = self._whole_periods + 1 if self._sent and not skipped else 0
         for node in self._nodes:
-            node.next_period(self._sent)
+            node.next_period(self._sent, self._quiet_left > 0)
         self._sent = False
         room = self._drain(self._room)
-        if self._quiet:
-            self._judge_silence()
-        self._quiet = self._needs_silence()
+        silent = self._stays_silent()
         for node in self._nodes:
             node.missing = node.asked
-        if self._quiet:
+        if silent:
             return
         self._asked = self._sent = link.send(self._sync)
         if not self._sent:
@@ -127,25 +133,30 @@ class Exchange:
             link.passing |= BABBLE
         self._waiting = False
 
-    def _needs_silence(self) -> bool:
+    def _stays_silent(self) -> bool:
         """Tell whether this period has no SYNC: what comes in it is the answer to an older one.
 
-        Answers that are late by whole periods come in it as in every other; where one was lost,
-        and they are in time again, nothing comes.
+        Answers that are late by whole periods come in it as in every other; where some were lost,
+        and the others are in time, nothing comes. The more are owed, the longer it is listened, as
+        a late one may be later yet.
         """
-        self._calm_periods = max(self._calm_periods - 1, 0)
-        doubt = self._surplus or (self._in_doubt and not self._calm_periods)
+        doubt = self._surplus or self._in_doubt
         self._surplus = self._in_doubt = False
-        return doubt and not self._quiet
-
-    def _judge_silence(self) -> None:
-        """Forget what did not come in a period without SYNC; what did come is late."""
-        late = 0
-        for node in self._nodes:
-            late = max(late, node.judge_silence())
-        if late:
-            # The hole that this period leaves in late answers has to pass before the next one.
-            self._calm_periods = late + 2
+        if self._quiet_left:
+            self._quiet_left -= 1
+            if self._quiet_left and not all(node.came for node in self._nodes):
+                return True
+            self._quiet_left = 0
+            for node in self._nodes:
+                node.judge_silence()
+            return False
+        owed = max(node.owed for node in self._nodes)
+        # A period without SYNC, by silence or as the loop skipped it, is a hole in late answers:
+        # it has to have passed.
+        if doubt and self._whole_periods > owed + 1:
+            self._quiet_left = max(1, min(owed, SILENT_PERIODS))
+            return True
+        return False
 
     def _all_here(self) -> bool:
         return all(not node.missing for node in self._nodes)

@@ -113,6 +113,11 @@ class Node:
         self._owed_states = self._owed_inputs = 0
         self._came = 0
 
+    @property
+    def owed(self) -> int:
+        """How many answers of a kind, at most, are still to come, or lost."""
+        return max(self._owed_states, self._owed_inputs)
+
     def begin(self, now_s: float) -> None:
         """Begin the first period: the drive was heard just now, and its position is known."""
         self.heard_s, self.shown = now_s, self.position
@@ -158,12 +163,17 @@ class Node:
 
     # Answers to SYNCs of earlier periods, which come late or never.
 
-    def next_period(self, asked: bool) -> None:
-        """Count what the last period's SYNC, if there was one, is still to be answered with."""
+    def next_period(self, asked: bool, silent: bool) -> None:
+        """Count what the last period's SYNC, if there was one, is still to be answered with.
+
+        What comes from now on counts for a silence, unless one is under way already.
+        """
         if asked:
             self._owed_states += self.missing & STATE
             self._owed_inputs += (self.missing & INPUTS) >> 1
-        self.missing = self._came = 0
+        self.missing = 0
+        if not silent:
+            self._came = 0
 
     def takes_owed(self, bit: int) -> bool:
         """Take a frame for the oldest answer that is owed; False: none is."""
@@ -176,13 +186,17 @@ class Node:
             return True
         return False
 
-    def judge_silence(self) -> int:
-        """After a period without SYNC: return how many answers are owed that may still come."""
+    @property
+    def came(self) -> bool:
+        """Whether every kind of answer has come since the silence began."""
+        return self._came == self.asked
+
+    def judge_silence(self) -> None:
+        """Let what did not come in a silence be owed no more: it was lost."""
         if not self._came & STATE:
             self._owed_states = 0
         if not self._came & INPUTS:
             self._owed_inputs = 0
-        return max(self._owed_states, self._owed_inputs)
 
     # Once a period.
 

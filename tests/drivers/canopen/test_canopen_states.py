@@ -219,7 +219,7 @@ def test_a_tpdo_that_does_not_come_is_stale_and_the_count_repeats():
         assert bench.status == Status.STALE
         assert bench.inputs.counts[0] == 77
         bench.drive.silent = False
-        bench.periods(3)
+        bench.periods(5)
         assert bench.inputs.counts[0] == 88
 
 
