@@ -15,8 +15,11 @@ from motorctl.log.description import Description
 from motorctl.log.table import Array
 
 FEWEST_VALUES = 16
-"""Of each column; fewer are no recording. Larger refuses short ones, smaller takes an empty column
-for one of its own times. As many as the time base needs."""
+"""Of each motion; fewer are no recording. A command that has fewer was written when it changed, and
+holds to the end. Larger refuses short ones, smaller takes an empty column for one of its own times.
+As many as the time base needs."""
+FEWEST_COMMANDS = 2
+"""Values of a command that was written when it changed. Fewer never drove anything. Arithmetic."""
 TOGETHER = 0.5
 """Part of the values of the sparser of position and command that may stand in a row with the
 other. Where more do, they were recorded together, and blanks are damage. Larger takes a damaged
@@ -50,10 +53,13 @@ def brought_together(
     axes = description.axes.values()
     apart = [name for name, axis in description.axes.items() if _apart(columns, axis.columns)]
     streams = dict.fromkeys(name for axis in axes for name in axis.columns.values())
-    fewest = min(np.count_nonzero(_given(columns[name])) for name in streams)
-    if clock is None or not apart or fewest < FEWEST_VALUES:
-        return dict(columns), ()
     held = {axis.command.column for axis in axes}
+    count = {name: np.count_nonzero(_given(columns[name])) for name in streams}
+    enough = all(
+        n >= (FEWEST_COMMANDS if name in held else FEWEST_VALUES) for name, n in count.items()
+    )
+    if clock is None or not apart or not enough:
+        return dict(columns), ()
     lead = description.axes[apart[0]].motion.column
     time = columns[clock.column]
     at = np.flatnonzero(_given(columns[lead]))
@@ -90,9 +96,14 @@ def _apart(columns: Mapping[str, Array], of_axis: Mapping[str, str]) -> bool:
 
 
 def _common(time: Array, streams: Iterable[NDArray[np.bool_]]) -> tuple[float, float]:
-    """Return when the last of all streams begins, and when the first of them ends."""
-    spans = []
+    """Return when the last of all streams begins, and when the first of them ends.
+
+    One of few values was written when it changed, and has no end.
+    """
+    begins, ends = [], []
     for given in streams:
         times = time[given]
-        spans.append((times[0], times[-1] + float(np.median(np.diff(times)))))
-    return max(begin for begin, _ in spans), min(end for _, end in spans)
+        begins.append(float(times[0]))
+        if len(times) >= FEWEST_VALUES:
+            ends.append(float(times[-1] + np.median(np.diff(times))))
+    return max(begins), min(ends)

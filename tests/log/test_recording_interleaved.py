@@ -60,6 +60,16 @@ def test_each_position_has_the_command_that_was_held_when_it_was_recorded(tmp_pa
     np.testing.assert_allclose(axis.reference, place(at), atol=2e-3)
 
 
+def test_a_command_that_was_written_only_when_it_changed_holds_to_the_end(tmp_path):
+    path = written(tmp_path, gone={("/voltage/data", k) for k in range(200) if k not in (1, 40, 90)})
+    recording = read_recording(path)
+    at = recording.time_s - EPOCH_S
+    assert at[-1] > 3.9
+    sent = np.array([1, 40, 90]) / RATE_HZ + 0.004
+    last = sent[np.searchsorted(sent, at, side="right") - 1]
+    np.testing.assert_allclose(recording.axes["trolley"].command, voltage(last), atol=1e-9)
+
+
 def test_rows_before_every_column_has_begun_are_left_out_and_it_is_told(tmp_path):
     recording = read_recording(written(tmp_path))
     assert recording.time_s[0] - EPOCH_S > 0.011

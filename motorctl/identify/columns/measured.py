@@ -264,11 +264,16 @@ def _check_motion(data: Measured) -> None:
     position = data.position[data.usable]
     span = float(np.ptp(position))
     count = data.resolution or resolution_of(position)
-    if span == 0.0 or (count > 0.0 and span <= MOVED_COUNTS * count):
-        counts = f" ({span / count:.0f} counts, limit {MOVED_COUNTS})" if count > 0.0 else ""
+    if span == 0.0:
         raise DataError(
-            f"{data.place}: no motion: the position stays within {span:.3g} {data.position_unit}"
-            f"{counts}: record a motion, or check which column is the position"
+            f"{data.place}: no motion: the position stays at {position[0]:.6g} "
+            f"{data.position_unit}: record a motion, or check which column is the position"
+        )
+    if count > 0.0 and span <= MOVED_COUNTS * count:
+        raise DataError(
+            f"{data.place}: hardly any motion: the position passes {span / count:.0f} counts of "
+            f"{count:.3g} {data.position_unit}, and more than {MOVED_COUNTS} are needed: record a "
+            "longer motion, or with a finer encoder, or check which column is the position"
         )
 
 
