@@ -105,13 +105,17 @@ def uses_acceleration(effect: Effect) -> bool:
     if cls not in _USES:
         x = np.linspace(0.0, 1.0, 64)
         others = np.zeros((64, len(effect.other_axes), 3))
-        t = np.linspace(0.0, 1e6, 64)
+        # A clock may count from 1970, and a change come at any time of it.
+        t = np.geomspace(1e-6, LATEST_S, 64)
         still = state_columns(effect, x, x, np.zeros(64), x, t, others)
         moved = state_columns(effect, x, x, np.sin(37.0 * x), x, t, others)
         _USES[cls] = bool(np.any(still != moved))
     return _USES[cls]
 
 
+LATEST_S = 1e15
+"""Time at which every change has come [s]: a clock of milliseconds since 1970 shows 2e12. Larger
+than any does. Convention."""
 _USES: dict[type[Effect], bool] = {}
 
 

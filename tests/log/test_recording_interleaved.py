@@ -61,8 +61,8 @@ def test_each_position_has_the_command_that_was_held_when_it_was_recorded(tmp_pa
 
 
 def test_a_command_that_was_written_only_when_it_changed_holds_to_the_end(tmp_path):
-    path = written(tmp_path, gone={("/voltage/data", k) for k in range(200) if k not in (1, 40, 90)})
-    recording = read_recording(path)
+    gone = {("/voltage/data", k) for k in range(200) if k not in (1, 40, 90)}
+    recording = read_recording(written(tmp_path, gone=gone))
     at = recording.time_s - EPOCH_S
     assert at[-1] > 3.9
     sent = np.array([1, 40, 90]) / RATE_HZ + 0.004

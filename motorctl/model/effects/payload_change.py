@@ -60,13 +60,14 @@ class PayloadChange(Effect):
 
     def carry_over(self, theta: Sequence[float], spans: Spans) -> CarriedOver:
         """Carry over the inertia after the change, not the time of the change."""
+        after_s = self.options.time_s - spans.time_s[0]
         return CarriedOver(
             kept=False,
             adds={"acceleration": theta[0]},
             note=(
-                f"the load changed by {theta[0]:.3g} V*s^2/m of inertia at "
-                f"{self.options.time_s:.4g} s of this recording: the refined configuration has the "
-                "inertia after the change; the time of the recording is no time of the daemon"
+                f"the load changed by {theta[0]:.3g} V*s^2/m of inertia {after_s:.4g} s after the "
+                "begin of this recording: the refined configuration has the inertia after the "
+                "change; the time of the recording is no time of the daemon"
             ),
         )
 

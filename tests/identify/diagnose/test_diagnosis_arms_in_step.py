@@ -6,6 +6,8 @@ same rhythm. Nothing is shared with the model or the other plants.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from fit_plant import C1
@@ -14,6 +16,7 @@ from motorctl.errors import DataError
 from motorctl.identify.columns.measured import Measured
 from motorctl.identify.columns.signals import make_signals
 from motorctl.identify.columns.spans import spans_of
+from motorctl.identify.diagnose.recording import diagnose_axis
 from motorctl.identify.diagnose.search.held_out_blocks import BLOCK_S, FOLDS, blocks_out_of_step
 from motorctl.identify.diagnose.search.hypothesis import Hypothesis
 from motorctl.identify.diagnose.search.refutation import without_refuted
@@ -21,7 +24,7 @@ from motorctl.identify.diagnose.search.search import Found, rival_gains, whitene
 from motorctl.identify.diagnose.search.whole_model import can_move, known_inertias
 from motorctl.identify.diagnose.verdict import recording_mistakes
 from motorctl.identify.diagnose.verdict.driven_motion import moved_by
-from motorctl.model import effect_class, make_effect
+from motorctl.model import columns, effect_class, make_effect
 
 RATE_HZ = 200.0
 ROUND_S = 12.0
@@ -77,6 +80,36 @@ def test_a_weight_that_pushes_away_is_not_refuted_for_a_model_too_heavy_to_move(
     held_out = np.arange(signals.rows) % 600 < 200
     kept, why = without_refuted(found, held_out)
     assert [effect.name for effect in kept.final.added] == ["gravity"], why
+
+
+@pytest.mark.slow
+def test_a_weight_whose_motion_does_not_show_the_inertia_is_told_as_a_force_of_the_place():
+    found = diagnose_axis(joint(0.02, 0.2, 0.8, -20.0, (0.3, 0.2)), C1)
+    assert found.unknown is not None
+    assert found.unknown.family == "force_of_position"
+    assert "gravity takes" in found.sentence
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("begins_s", [1e6, 1.7e9])
+def test_a_load_is_named_wherever_the_clock_begins(monkeypatch, begins_s):
+    monkeypatch.setattr(columns, "_USES", {})  # as in a process that has seen no other clock
+    rng = np.random.default_rng(8)
+    t = np.arange(0.0, 30.0, 1.0 / RATE_HZ)
+    x = sum(np.sin(w * t + p) / w for w, p in zip((1.1, 2.3, 4.1, 7.7), range(4), strict=True))
+    v = np.gradient(x, t)
+    inertia = np.where(t >= 14.0, 0.35, 0.2)
+    command = inertia * np.gradient(v, t) + 0.1 * v + 0.2 * np.tanh(v / 0.01)
+    loaded = replace(
+        joint(0.0, 0.0, 0.0, 0.0, (0.0, 0.0)),
+        time_s=begins_s + t,
+        position=x + 1e-6 * rng.standard_normal(len(x)),
+        command=command + 0.005 * rng.standard_normal(len(x)),
+        usable=np.ones(len(x), dtype=np.bool_),
+    )
+    (load,) = diagnose_axis(loaded, C1).effects
+    assert load.name == "payload_change"
+    assert load.theta[0] == pytest.approx(0.15, rel=0.05)
 
 
 def test_what_falls_short_of_a_limit_is_not_rounded_up_to_it(monkeypatch):

@@ -38,7 +38,7 @@ def test_a_load_put_down_in_the_recording_is_another_inertia():
     assert carried.theta == pytest.approx([INERTIA + 0.1, VISCOUS, OFFSET])
     assert carried.left_behind == ("payload_change",)
     (note,) = carried.notes
-    assert "9.2 s of this recording" in note
+    assert "7.2 s after the begin of this recording" in note
 
 
 def test_a_motor_that_warmed_up_is_warm_in_the_configuration():

@@ -27,6 +27,10 @@ MOST_DECIMALS = 7
 turns ordinary values into powers of ten. Chosen by hand."""
 
 
+DAY_S = 86400.0
+"""A time beyond that is one of a clock, of which the digits of seconds are read. Convention."""
+
+
 @dataclass(frozen=True)
 class Value:
     """A number with its standard error; NaN where there is none."""
@@ -51,7 +55,8 @@ class Value:
         value, error = self.value / scale, self.std_error / scale
         # an error far below the value's digits, or above it, says nothing through its digits
         if not math.isfinite(error) or error <= 1e-9 * abs(value) or error > 100 * abs(value):
-            told = f"{value:.5g}"
+            since_1970 = unit == "s" and abs(value) >= DAY_S
+            told = f"{value:.2f}" if since_1970 else f"{value:.5g}"
         elif (decimals := max(0, 1 - math.floor(math.log10(error)))) <= MOST_DECIMALS:
             told = f"{value:.{decimals}f} ± {error:.{decimals}f}"
         else:

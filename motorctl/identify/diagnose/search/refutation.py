@@ -75,7 +75,8 @@ def without_refuted(found: Found, held_out: Rows | None = None) -> tuple[Found, 
     asked = (None,) if held_out is None else (None, held_out)
     known = known_inertias(found.base) if final.added else ()
     yardstick, name = _yardstick(found, known)
-    others = [(rows, position_of_declared(yardstick, rows)) for rows in asked if final.added]
+    hides = [by for by in known if by.hides]
+    others = [(rows, position_of_declared(yardstick, rows, hides)) for rows in asked if final.added]
     while final.added:
         forbidden = beyond_physics(final)
         allowed = forbidden and physical(final, forbidden[0].name)

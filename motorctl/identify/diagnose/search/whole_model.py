@@ -131,6 +131,11 @@ class InertiaRange:
     declared: bool
     """Whether the model says so, or an estimate that knows no effects."""
 
+    @property
+    def hides(self) -> bool:
+        """Whether the motion does not show it: then no model of it can be simulated."""
+        return self.low <= 0.0 and not self.declared
+
 
 def known_inertias(base: Hypothesis) -> tuple[InertiaRange, ...]:
     """Return what is known of the inertia apart from any effect; `base` is the declared model."""
@@ -164,13 +169,43 @@ def seen_inertia(base: Hypothesis) -> InertiaRange | None:
     # Of what is left as it is: the ridge would leave a part of what the others explain.
     rest = gram[np.ix_(two, two)] - by.T @ cross - cross.T @ by + by.T @ beside @ by
     right, both, left = rest[0, 0], rest[0, 1], rest[1, 1]
-    if both <= 0.0 or left <= 0.0:
-        return None
     scale = float(lengths[0] / lengths[-1])
+    if both <= 0.0 or left <= 0.0:
+        return _hidden_inertia(base, right, both, left, scale)
     ends = [scale * float(right / both), scale * float(both / left)]
     if base.regressors.side == "command":  # the acceleration stands on the right there
         ends = [1.0 / end for end in ends]
     return InertiaRange(min(ends), max(ends), declared=False)
+
+
+def _hidden_inertia(
+    base: Hypothesis, right: float, both: float, left: float, scale: float
+) -> InertiaRange | None:
+    """Return that an inertia which does not show is no larger than chance hides of it.
+
+    Parameters
+    ----------
+    base
+        The declared model alone.
+    right, both, left
+        Products of what is left of acceleration and command beside any function of place and speed.
+    scale
+        Of these, from the command's to the acceleration's.
+
+    Returns
+    -------
+    InertiaRange or None
+        None where the acceleration stands on the left, whose noise hides any inertia, and where
+        a force that is not known outweighs it.
+    """
+    if base.regressors.side != "command" or right <= 0.0:
+        return None
+    rows = base.regressors.signals.rows
+    chance = math.sqrt(max(left - both**2 / right, 0.0) / right / rows)
+    plain = base.solution.covariance[0, 0] * base.solution.sse / max(rows - base.problem.size, 1)
+    robust = robust_covariance(base.problem, base.solution)[0, 0]
+    most = both / right + SURELY * chance * math.sqrt(robust / max(plain, TINY))
+    return InertiaRange(0.0, most / scale, declared=False) if most > 0.0 else None
 
 
 def beside_waves(base: Hypothesis, model: Hypothesis) -> Hypothesis:
