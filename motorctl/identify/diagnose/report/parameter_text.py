@@ -28,7 +28,8 @@ turns ordinary values into powers of ten. Chosen by hand."""
 
 
 DAY_S = 86400.0
-"""A time beyond that is one of a clock, of which the digits of seconds are read. Convention."""
+"""Time [s] beyond which it is one of a clock, of which the seconds are read. Larger leaves them out
+of long logs, smaller tells long time constants to more digits than they have. Convention."""
 
 
 @dataclass(frozen=True)
