@@ -404,7 +404,7 @@ def make_signals(
     rms = position_noise_rms(density, rate)
     slowest = COUNTS_PER_PERIOD * band * (data.resolution or 0.0)
     quiet_hz = quiet_band_hz(density, band, slope_s_m)
-    stretches, kept, enough = [], [], 0
+    stretches, kept, enough, everywhere = [], [], 0, 0
     for rows in data.stretches(shortest):
         stretch = make_stretch(data, rows, min(2.0 * band, 0.45 * rate), quiet_hz)
         stretches.append(stretch)
@@ -412,12 +412,21 @@ def make_signals(
         used[trim : len(used) - trim] = True
         enough += int(used.sum())
         row_s = decimation * data.period_s
-        used &= ~at_rest(stretch, row_s, decimation, noise, rms, STUCK_PERIODS / band, slowest)
-        kept.append(used)
+        moves = ~at_rest(stretch, row_s, decimation, noise, rms, STUCK_PERIODS / band, slowest)
+        everywhere += int(moves.sum())
+        kept.append(used & moves)
     moving = sum(int(k.sum()) for k in kept)
     if enough >= FEWEST_ROWS and moving < FEWEST_ROWS:
         moved = float(np.ptp(data.position[data.usable]))
         if moved > FAR_BEYOND_NOISE * REST_RANGE * rms or _stands_still(data):
+            if everywhere >= max(FEWEST_ROWS, 2 * moving):
+                end_s = trim * decimation / rate
+                raise DataError(
+                    f"{data.place}: too little motion: of {everywhere} rows in motion below "
+                    f"{band:.3g} Hz all but {moving} lie within {end_s:.2g} s of where a stretch "
+                    "without a gap begins or ends, which smoothing needs, and at least "
+                    f" {FEWEST_ROWS} are needed: record from before a move until after it"
+                )
             part = 100.0 * (1.0 - moving / enough)
             raise DataError(
                 f"{data.place}: too little motion: it moves over {moved:.3g} {data.position_unit}, "

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 from fit_plant import C1
 from other_plant import OtherPlant
@@ -56,3 +57,21 @@ def test_without_a_reference_or_with_the_acceleration_on_the_left_there_are_no_i
 def test_a_reference_of_another_run_is_no_instrument(recording):
     other = COARSE.run(seed=5, duration_s=10.0).reference
     assert with_instruments(model(replace(recording, reference=other))) is None
+
+
+def told_range(noise_m):
+    """Return what is told of the inertia's range, of a machine whose position has noise."""
+    clean = OtherPlant(cogging=0.0).run(seed=4, duration_s=10.0)
+    noise = noise_m * np.random.default_rng(1).standard_normal(len(clean.position))
+    signals = make_signals(replace(clean, position=clean.position + noise), slope_s_m=900.0)
+    regressors, _ = whitened(signals, C1, (), "command")
+    return estimator_of(Hypothesis(regressors).refreshed()).sentence.partition("; least ")[2]
+
+
+def test_an_inertia_that_noise_of_the_acceleration_hides_is_told_with_its_upper_end():
+    assert told_range(1e-7) == ""
+    told = told_range(2e-4)
+    parts = (told.partition(of)[2].split()[0] for of in ("inertia of ", " has "))
+    more, less = (float(part.rstrip(",")) for part in parts)
+    assert less < 0.6 * OtherPlant.inertia
+    assert less < OtherPlant.inertia < 1.3 * more

@@ -415,6 +415,21 @@ def test_an_axis_that_rests_nearly_all_of_the_time_is_not_called_noise():
         diagnose_axis(ramp, C1)
 
 
+def test_trials_that_begin_in_motion_are_not_told_to_rest():
+    """Each trial is one move from its first sample on, then a rest; between them are gaps."""
+    time_s = np.arange(100) / 25.0
+    one = 0.5 * (1.0 - np.exp(-time_s / 0.15))
+    count = 2e-4
+    position = np.concatenate([count * np.rint(way * one / count) for way in [1.0, -1.0] * 15])
+    clock = np.concatenate([7.0 * k + time_s for k in range(30)])
+    trials = Measured(
+        source="a.csv", axis="x", sample_rate_hz=25.0, time_s=clock, position=position,
+        command=position - 0.5, usable=np.ones(3000, dtype=np.bool_), position_unit="rad",
+    )  # fmt: skip
+    with pytest.raises(DataError, match=r"lie within 1\.6 s of where a stretch without a gap"):
+        diagnose_axis(trials, C1)
+
+
 @pytest.mark.slow
 def test_a_speed_that_a_drive_was_sent_to_is_not_taken_for_what_drives_it(run):
     """The drive follows within a millisecond, and is recorded every 20 ms."""

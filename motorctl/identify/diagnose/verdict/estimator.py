@@ -4,8 +4,12 @@ from __future__ import annotations
 
 from typing import Literal
 
+import numpy as np
+
 from motorctl.identify.diagnose.result import Estimator
 from motorctl.identify.diagnose.search.hypothesis import Hypothesis
+from motorctl.identify.diagnose.search.whole_model import FAR_OFF, OF_INERTIA, inertia_of
+from motorctl.log.units import unit_for
 
 
 def estimator_of(model: Hypothesis, instruments: bool = False) -> Estimator:
@@ -26,9 +30,30 @@ def estimator_of(model: Hypothesis, instruments: bool = False) -> Estimator:
         told = (
             "least squares of the recorded command, which carries the forces that nothing "
             "explains; the acceleration on the right counts as free of error below "
-            f"{signals.band_hz:.3g} Hz"
+            f"{signals.band_hz:.3g} Hz{_between(model)}"
         )
     method: Literal["least_squares", "instruments"] = (
         "instruments" if instruments else "least_squares"
     )
     return Estimator(model.regressors.side, method, f"parameters by {told}")
+
+
+def _between(model: Hypothesis) -> str:
+    """Return between what values the inertia lies, where the acceleration may be full of noise.
+
+    With the command on the left, noise of the acceleration makes the inertia smaller; with the
+    acceleration there, forces that nothing explains make it larger.
+    """
+    gram = model.problem.total
+    two, others = np.array([0, len(gram) - 1]), np.arange(1, len(gram) - 1)
+    beside, cross = gram[np.ix_(others, others)], gram[np.ix_(others, two)]
+    rest = gram[np.ix_(two, two)] - cross.T @ np.linalg.lstsq(beside, cross, rcond=None)[0]
+    seen = rest[0, 1] ** 2 / max(rest[0, 0] * rest[1, 1], 1e-300)
+    if not 0.0 < seen < 1.0 / FAR_OFF:
+        return ""
+    data = model.regressors.signals.data
+    inertia, unit = inertia_of(model), unit_for(OF_INERTIA, data.position_unit, data.command_unit)
+    return (
+        f"; least squares of the acceleration would have an inertia of {inertia / seen:.3g} "
+        f"{unit} where this has {inertia:.3g}, and the true one should lie between"
+    )
