@@ -425,7 +425,7 @@ def make_signals(
                     f"{data.place}: too little motion: of {everywhere} rows in motion below "
                     f"{band:.3g} Hz all but {moving} lie within {end_s:.2g} s of where a stretch "
                     "without a gap begins or ends, which smoothing needs, and at least "
-                    f" {FEWEST_ROWS} are needed: record from before a move until after it"
+                    f"{FEWEST_ROWS} are needed: record from before a move until after it"
                 )
             part = 100.0 * (1.0 - moving / enough)
             raise DataError(
