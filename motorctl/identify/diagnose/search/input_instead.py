@@ -26,6 +26,11 @@ NOTHING = 1e-9
 """Least gain of a force that a rival's is divided by. Larger hides rivals of forces that gain
 little, smaller divides by zero. Convention: far below any gain that counts."""
 
+TAKES = 0.1
+"""Part of what is left without the friction that a rival takes at least, to be told of. Larger
+hides rivals of weak frictions, smaller tells of effects for which nothing speaks. Chosen by hand:
+those of a real arm, of which nothing was there, took a thousandth."""
+
 
 def inputs_instead(found: Found) -> dict[str, InputInstead]:
     """Return, for frictions that were found, the effect of the input that leaves no more instead.
@@ -53,7 +58,8 @@ def inputs_instead(found: Found) -> dict[str, InputInstead]:
         rest = whole.without(effect.name)
         classes = [cls for cls in candidates(rest, spans) if cls.kind == "input"]
         forms = ranked(rest, classes, spans, sign)
-        near = (f for f in forms if f.held_out <= whole.held_out and not at_bound(f.effect, spans))
+        most = min(whole.held_out, (1.0 - TAKES) * rest.held_out)
+        near = (f for f in forms if f.held_out <= most and not at_bound(f.effect, spans))
         best = next((f for f in near if physical_form(rest, f) is not None), None)
         if best is not None:
             own = max(gain(rest, whole.held_out), NOTHING)
