@@ -91,6 +91,17 @@ def test_a_weight_whose_motion_does_not_show_the_inertia_is_told_as_a_force_of_t
 
 
 @pytest.mark.slow
+def test_nothing_is_named_beside_an_inertia_that_is_surely_negative_and_the_sign_is_told():
+    (right,) = diagnose_axis(joint(1.0, 0.0, 0.0, 40.0, (0.0, 0.0)), C1).effects
+    assert right.name == "gravity"
+    turned = diagnose_axis(joint(-1.0, 0.0, 0.0, 40.0, (0.0, 0.0)), C1)
+    assert (turned.verdict, turned.effects) == ("unknown_structure", ())
+    (why,) = (note for note in turned.notes if "not named" in note)
+    assert why.startswith("gravity: not named, for the inertia beside comes to -1")
+    assert "is reversed in the recording" in why
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize("begins_s", [1e6, 1.7e9])
 def test_a_load_is_named_wherever_the_clock_begins(monkeypatch, begins_s):
     monkeypatch.setattr(columns, "_USES", {})  # as in a process that has seen no other clock

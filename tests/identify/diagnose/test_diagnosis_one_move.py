@@ -159,7 +159,7 @@ def test_a_load_that_is_carried_all_the_time_is_explained_by_no_model_as_well(
     error = ModelError("N*m", 1.0, left_over_change * changes, 0.0, 0.0, 20.0, None, None)
     why = why_undetermined(found, SimpleNamespace(as_twin=False, verdict="complete"), error, None)
     assert (why is None) == determined
-    assert determined or "of what the command changes by" in why
+    assert determined or "misses the command of the rest by" in why
 
 
 @pytest.mark.parametrize(

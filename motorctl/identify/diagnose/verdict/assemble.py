@@ -34,7 +34,6 @@ from motorctl.identify.diagnose.search.parameters import (
 )
 from motorctl.identify.diagnose.search.physics import is_physical
 from motorctl.identify.diagnose.search.refutation import (
-    beside_driving_friction,
     led_at_its_end,
     without_refuted,
 )
@@ -75,6 +74,7 @@ from motorctl.identify.diagnose.verdict.verdict import Judged, low_hz
 from motorctl.identify.diagnose.verdict.whole_physics import (
     whole_model,
     whole_told,
+    without_impossible,
     wrong_sign_told,
 )
 from motorctl.identify.diagnose.verdict.yielding import without_rigid
@@ -123,7 +123,7 @@ def assemble(
     found, doubted = without_doubtful(found)
     found = with_better_base(found, given)
     found, useless = _without_useless(found, split)
-    found, unsure = beside_driving_friction(found)
+    found, unsure = without_impossible(found)
     stood = standing(found, split, too_plain is not None)
     found, judged, supports = stood.found, stood.judged, stood.supports
     refuted += (*unsure, *stood.refuted)

@@ -73,8 +73,8 @@ def _worse_than_nothing(found: Found, error: ModelError, beside: float) -> str |
     )
     return (
         f"fitted to one part of the recording, up to {regressors.signals.band_hz:.3g} Hz, the "
-        f"model is {part:.0f} % of what the command changes by off on the rest, more than no model "
-        f"at all: {why}"
+        f"model misses the command of the rest by {part:.0f} % of its changes (rms), and no model "
+        f"at all would by 100 %: {why}"
     )
 
 

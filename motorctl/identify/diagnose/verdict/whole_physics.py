@@ -8,8 +8,9 @@ from collections.abc import Sequence
 from motorctl.identify.columns.measured import Measured
 from motorctl.identify.diagnose.result import FoundEffect, WholeModel
 from motorctl.identify.diagnose.search.hypothesis import Hypothesis
-from motorctl.identify.diagnose.search.parameters import FittedModel
-from motorctl.identify.diagnose.search.search import Found
+from motorctl.identify.diagnose.search.parameters import FittedModel, values_of
+from motorctl.identify.diagnose.search.refutation import beside_driving_friction
+from motorctl.identify.diagnose.search.search import Found, declared_alone
 from motorctl.identify.diagnose.search.whole_model import (
     OF_INERTIA,
     beside_waves,
@@ -34,6 +35,36 @@ def whole_model(found: Found, final: Hypothesis) -> WholeModel:
         seen_inertia=None if seen is None else (seen.low, seen.high),
         declared_inertia=data.inertia,
         friction_gives=friction_power(final).given,
+    )
+
+
+def without_impossible(found: Found) -> tuple[Found, tuple[str, ...]]:
+    """Return a search's outcome without any name where the whole model cannot be, and why."""
+    found, drives = beside_driving_friction(found)
+    found, pushes = beside_negative_inertia(found)
+    return found, (*drives, *pushes)
+
+
+def beside_negative_inertia(found: Found) -> tuple[Found, tuple[str, ...]]:
+    """Return a search's outcome without any name where the inertia is surely negative, and why.
+
+    No machine has such an inertia. What was found beside it may be there, with the other sign.
+    """
+    final = found.final
+    fitted = values_of(final)
+    place = fitted.model.index_of("acceleration")
+    if not final.added or place is None:
+        return found, ()
+    value, error = float(fitted.theta[place]), float(fitted.std_error[place])
+    if not value < -SURELY * error < 0.0:
+        return found, ()
+    data = final.regressors.signals.data
+    unit = unit_for(OF_INERTIA, data.position_unit, data.command_unit)
+    names = " and ".join(effect.name for effect in final.added)
+    return declared_alone(found), (
+        f"{names}: not named, for the inertia beside comes to {value:.3g} ± {error:.2g} {unit}, "
+        "and no machine has a negative one: the sign of the command or of the position is reversed "
+        "in the recording, or something else drives the axis",
     )
 
 
@@ -80,7 +111,7 @@ def whole_told(whole: WholeModel, effects: Sequence[FoundEffect]) -> tuple[str, 
             f"gives {100.0 * whole.friction_gives:.3g} % of the energy that passes between "
             "command and motion"
         )
-    if not 0.0 < whole.inertia < math.inf:
+    if not 0.0 < whole.inertia < math.inf:  # surely negative ones are not named beside
         return (f"the whole model: its friction {friction}; its inertia is too small to be seen",)
     between = ""
     if whole.seen_inertia is not None:
