@@ -45,7 +45,7 @@ from motorctl.identify.diagnose.verdict.recording_mistakes import (
     check_magnitude,
     check_motion,
 )
-from motorctl.identify.diagnose.verdict.set_point import check_no_set_point
+from motorctl.identify.diagnose.verdict.set_point import check_no_set_point, like_a_set_point
 from motorctl.identify.diagnose.verdict.speed_command import speed_told
 from motorctl.identify.diagnose.verdict.testable import tested_apart
 from motorctl.log import Recording
@@ -233,5 +233,6 @@ def diagnose_axis(
             "motor back, and this motion does not tell which: record a longer one, with more steps "
             "or at a higher rate"
         )
-    notes = filter(None, (held, stale, stuck, hint, read, speed_told(axis)))
+    sent = like_a_set_point(axis, heard.regressors.signals)
+    notes = filter(None, (held, stale, stuck, hint, read, sent, speed_told(axis)))
     return replace(axis, notes=(*axis.notes, *notes))

@@ -64,6 +64,18 @@ def test_a_place_that_the_axis_was_sent_to_is_no_spring(run, loop_hz, unit):
     assert said == pytest.approx(unit, rel=0.02)
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize(("factor", "is_told"), [(1.14 * 180.0 / np.pi, True), (100.0, False)])
+def test_a_soft_loops_set_point_in_degrees_is_told_as_what_it_may_be(run, factor, is_told):
+    sent = sent_to(run, 0, 4.0)
+    velocity = np.gradient(run.position, run.period_s)
+    dry = 0.04 * np.std(run.position) * np.tanh(velocity / 1e-3)
+    soft = replace(sent, command=factor * (sent.command + dry - 0.03), position_unit="rad")
+    axis = diagnose_axis(soft, C1)
+    assert {effect.name for effect in axis.effects} <= {"position_force"}
+    assert any("may say where the axis was sent to" in note for note in axis.notes) == is_told
+
+
 @pytest.mark.parametrize("loop_hz", [3.0, 8.0, 50.0])
 @pytest.mark.parametrize("unit", [1.0, 1e3])
 def test_of_an_axis_that_a_speed_was_sent_to_nothing_is_named(run, loop_hz, unit):
