@@ -59,6 +59,18 @@ def test_a_damaged_value_is_told_with_its_row_and_left_out(tmp_path, kind, rows,
     np.testing.assert_allclose(axis.position, moved(kind), atol=6e-3)
 
 
+@pytest.mark.parametrize("kind", ["swing", "noise", "bounces", "coarse"])
+@pytest.mark.parametrize("value", [-np.pi, 0.7])
+def test_what_failed_reads_leave_is_left_out_however_often_and_in_a_row(tmp_path, kind, value):
+    rows = np.sort(np.r_[100:2900:120, 221, 1541])
+    position = moved(kind)
+    position[rows] = value
+    recording = read(tmp_path, position)
+    assert f"has {len(rows)} damaged values" in recording.notes[0]
+    axis = recording.axes["x"]
+    np.testing.assert_array_equal(np.flatnonzero(~axis.recorded), rows)
+
+
 def test_of_a_described_recording_too(tmp_path):
     position = moved("swing")
     position[700] = 40.0
