@@ -24,6 +24,10 @@ FEWEST_FAILED, MOST_FAILED = 3, 0.01
 """In how many places one and the same value stands at least, and in what part of a column's rows at
 most, to be what failed reads leave. Fewer are judged one by one; a larger part leaves too little,
 a smaller one leaves them in. Chosen by hand: an arm's bus failed in one row of 850."""
+MOST_IN_A_ROW = 5
+"""Rows of one value behind each other that may be failed reads where they are in one place or two.
+Larger takes a knock against something for them, smaller leaves bursts in. Chosen by hand: an arm's
+bus failed three times in a row."""
 _FEWEST = 32
 _TOLD = 3
 
@@ -74,10 +78,12 @@ def _failed_reads(x: Array) -> NDArray[np.intp]:
     none = np.zeros(0, dtype=np.intp)
     off = np.abs(x[1:-1] - 0.5 * (x[:-2] + x[2:]))
     k = int(np.argmax(off))
-    for value in x[k : k + 3]:
+    for value in dict.fromkeys(x[k : k + 3]):
         places = np.flatnonzero(x == value)
-        spells = 1 + np.count_nonzero(np.diff(places) > 1)
-        if spells < FEWEST_FAILED or len(places) > MOST_FAILED * len(x):
+        spells = np.split(places, np.flatnonzero(np.diff(places) > 1) + 1)
+        inside = places[0] > 0 and places[-1] < len(x) - 1
+        short = inside and len(places) > 1 and max(map(len, spells)) <= MOST_IN_A_ROW
+        if (not short and len(spells) < FEWEST_FAILED) or len(places) > MOST_FAILED * len(x):
             continue
         rest = np.delete(x, places)
         line = np.interp(places, np.delete(np.arange(len(x)), places), rest)

@@ -21,6 +21,7 @@ def moved(kind):
         "noise": swing + 1e-4 * rng.standard_normal(N),
         "bounces": triangle,
         "one impact": late,
+        "knock": np.where(abs(TIME - 3.0) < 0.02, 0.3, swing),
         "jump": np.where(TIME < 0.04, 5.0, swing),
         "coarse": 0.01 * np.rint(swing / 0.01),
         "rest with one count": np.where(np.arange(N) == 700, 1e-6, 0.0),
@@ -32,7 +33,16 @@ def read(tmp_path, position):
     return read_recording(write_csv(tmp_path / "a.csv", table))
 
 
-KINDS = ["swing", "noise", "bounces", "one impact", "jump", "coarse", "rest with one count"]
+KINDS = [
+    "swing",
+    "noise",
+    "bounces",
+    "one impact",
+    "knock",
+    "jump",
+    "coarse",
+    "rest with one count",
+]
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -68,6 +78,14 @@ def test_what_failed_reads_leave_is_left_out_however_often_and_in_a_row(tmp_path
     recording = read(tmp_path, position)
     assert f"has {len(rows)} damaged values" in recording.notes[0]
     axis = recording.axes["x"]
+    np.testing.assert_array_equal(np.flatnonzero(~axis.recorded), rows)
+
+
+@pytest.mark.parametrize("rows", [[700, 701], [700, 701, 702, 704, 705]])
+def test_two_failed_reads_behind_each_other_are_left_out(tmp_path, rows):
+    position = moved("noise")
+    position[rows] = -np.pi
+    axis = read(tmp_path, position).axes["x"]
     np.testing.assert_array_equal(np.flatnonzero(~axis.recorded), rows)
 
 
