@@ -24,6 +24,7 @@ from motorctl.identify.diagnose.search.search import Found, rival_gains, whitene
 from motorctl.identify.diagnose.search.whole_model import can_move, known_inertias
 from motorctl.identify.diagnose.verdict import recording_mistakes
 from motorctl.identify.diagnose.verdict.driven_motion import moved_by
+from motorctl.identify.diagnose.verdict.late_command import late_command
 from motorctl.model import columns, effect_class, make_effect
 
 RATE_HZ = 200.0
@@ -88,6 +89,21 @@ def test_a_weight_whose_motion_does_not_show_the_inertia_is_told_as_a_force_of_t
     assert found.unknown is not None
     assert found.unknown.family == "force_of_position"
     assert "gravity takes" in found.sentence
+
+
+@pytest.mark.parametrize("late_s", [0.0, 0.06, 0.13])
+def test_a_slow_joint_whose_torque_was_recorded_late_is_told_by_how_much(late_s):
+    sound = joint(4.0, 1.0, 0.5, 0.0, (0.0, 0.0))
+    late = round(late_s * RATE_HZ)
+    command = np.concatenate([np.full(late, sound.command[0]), sound.command])[: len(sound.command)]
+    data = replace(sound, command=command)
+    hint = late_command(recording_mistakes.check_explains(data, make_signals(data), C1))
+    if not late:
+        assert hint is None
+    else:
+        assert hint is not None
+        told_s = float(hint.partition("late_s: ")[2].split()[0])
+        assert told_s == pytest.approx(late_s, abs=0.02)
 
 
 @pytest.mark.slow
