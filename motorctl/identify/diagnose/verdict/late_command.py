@@ -35,8 +35,8 @@ which it is told. Nearer to 1 suspects sound recordings, smaller misses late col
 hand: of 48 sound machines of other hands one is below, of the same with a command 4 ms late 27."""
 FITS_MUCH_BETTER = 0.6
 """The same where the lateness is no near one, which slow feedback imitates. Nearer to 1 suspects
-sound recordings, smaller misses late columns. Chosen by hand: of 91 sound real axes none is told, an
-arm's joint with a current that is 115 and 190 ms late has 0.3."""
+sound recordings, smaller misses late columns. Chosen by hand: of 91 sound real axes none is told,
+an arm's joint with a current that is 115 and 190 ms late has 0.3."""
 
 
 def late_command(heard: Hypothesis) -> str | None:
