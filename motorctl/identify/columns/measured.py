@@ -271,9 +271,9 @@ def _check_motion(data: Measured) -> None:
         )
     if count > 0.0 and span <= MOVED_COUNTS * count:
         raise DataError(
-            f"{data.place}: hardly any motion: the position passes {span / count:.0f} counts of "
-            f"{count:.3g} {data.position_unit}, and more than {MOVED_COUNTS} are needed: record a "
-            "longer motion, or with a finer encoder, or check which column is the position"
+            f"{data.place}: no motion beyond {MOVED_COUNTS} counts of the encoder: the position "
+            f"passes {span / count:.0f} of {count:.3g} {data.position_unit} each: record a longer "
+            "motion, or with a finer encoder, or check which column is the position"
         )
 
 
