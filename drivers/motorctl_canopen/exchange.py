@@ -20,6 +20,10 @@ HEARTBEATS_A_WATCHDOG = 4
 OPENING_PERIOD_S = 0.01
 SILENT_PERIODS = 3
 """At most so many periods without SYNC tell that answers which are owed were lost."""
+BETWEEN_SILENCES = 8
+"""Periods with SYNC, at least, from a silence in which something came to the next."""
+REMEMBERED = (1 << 128) - 1
+"""Of so many periods it is known whether SYNC was sent; later than that no answer is expected."""
 UNSENT_PERIODS = 3
 """So many more without room for SYNC or commands than with it are a bus that is lost."""
 
@@ -31,6 +35,7 @@ class Exchange:
         self.link: Link
         self._nodes = tuple(nodes)
         self._wait_s = options.sync.wait_s
+        self._period_s = period_s
         self._skipped_s = period_s + max(0.5 * period_s, self._wait_s)
         self._room = options.max_frames_per_read
         self._sync = _message(objects.SYNC_ID, 0)
@@ -61,9 +66,10 @@ class Exchange:
             node.forget_owed()
             node.refused = False
         self._quiet_left = 0
-        self._in_doubt = self._surplus = False
+        self._until_silence = 0
+        self._must_ask = False
         self._asked_s = 0.0
-        self._whole_periods = 0
+        self._history = 0
         self._sent = self._waiting = False
         self._asked = True
         self._unsent = 0
@@ -91,20 +97,17 @@ class Exchange:
                 return
             if node.takes_owed(bit):
                 # Or it answers this SYNC, after one whose answer was lost: PDOs have no number.
-                self._in_doubt = self._in_doubt or self._waiting
+                node.doubted = node.doubted or self._waiting
             elif node.missing & bit:
                 node.missing &= ~bit
             else:
-                self._surplus = node.refused = True
+                node.doubted = node.refused = True
         self.link.lost = 0
 
     def ask(self) -> None:
         """Send SYNC, and take the answers until all are here or it takes too long."""
         link = self.link
-        now_s = time.monotonic()
-        skipped = now_s - self._asked_s > self._skipped_s
-        self._asked_s = now_s
-        self._whole_periods = self._whole_periods + 1 if self._sent and not skipped else 0
+        self._remember_periods(time.monotonic())
         for node in self._nodes:
             node.next_period(self._sent, self._quiet_left > 0)
         self._sent = False
@@ -133,30 +136,61 @@ class Exchange:
             link.passing |= BABBLE
         self._waiting = False
 
+    def _remember_periods(self, now_s: float) -> None:
+        """Note whether the last period had a SYNC, and which ones the loop skipped since."""
+        passed_s = now_s - self._asked_s
+        self._asked_s = now_s
+        history = self._history << 1 | self._sent
+        if passed_s > self._skipped_s:
+            history <<= min(max(round(passed_s / self._period_s) - 1, 1), 128)
+        self._history = history & REMEMBERED
+
     def _stays_silent(self) -> bool:
         """Tell whether this period has no SYNC: what comes in it is the answer to an older one.
 
         Answers that are late by whole periods come in it as in every other; where some were lost,
         and the others are in time, nothing comes. The more are owed, the longer it is listened, as
-        a late one may be later yet.
+        a late one may be later yet. Only drives that answer are asked: a dead one owes nothing.
         """
-        doubt = self._surplus or self._in_doubt
-        self._surplus = self._in_doubt = False
+        if self._must_ask:
+            self._must_ask, self._quiet_left = False, 0
+            return False
         if self._quiet_left:
             self._quiet_left -= 1
-            if self._quiet_left and not all(node.came for node in self._nodes):
+            if self._quiet_left and not all(n.came or not n.doubted for n in self._nodes):
                 return True
             self._quiet_left = 0
             for node in self._nodes:
-                node.judge_silence()
+                if node.doubted and node.judge_silence():
+                    self._until_silence = BETWEEN_SILENCES
             return False
-        owed = max(node.owed for node in self._nodes)
-        # A period without SYNC, by silence or as the loop skipped it, is a hole in late answers:
-        # it has to have passed.
-        if doubt and self._whole_periods > owed + 1:
-            self._quiet_left = max(1, min(owed, SILENT_PERIODS))
-            return True
-        return False
+        self._until_silence = max(self._until_silence - 1, 0)
+        most, tells = 0, not self._until_silence
+        for node in self._nodes:
+            if node.doubted:
+                most = max(most, node.owed, 1)
+                tells = tells and self._would_come(max(node.owed, 1))
+        if not most or not tells:
+            return False
+        self._quiet_left = min(most, SILENT_PERIODS)
+        return True
+
+    def _would_come(self, owed: int) -> bool:
+        """Tell whether the SYNCs whose late answers would come in a silence now were all sent.
+
+        A period without one, by an older silence or as the loop skipped it, is a hole in late
+        answers, and would look as if they had been lost.
+        """
+        left, place = self._history, -1
+        for _ in range(owed):
+            if not left:
+                return True  # nobody answers so late
+            last = left & -left
+            left ^= last
+            place = last.bit_length() - 1
+        first = max(place - SILENT_PERIODS, 0)
+        window = ((1 << place + 2) - 1) >> first << first
+        return self._history & window == window & REMEMBERED
 
     def _all_here(self) -> bool:
         return all(not node.missing for node in self._nodes)
@@ -181,7 +215,9 @@ class Exchange:
         self._asked = True
         volts, enable = outputs.volts, outputs.enable
         for i, node in enumerate(self._nodes):
-            node.command(float(volts[i]), bool(enable[i]))
+            self._must_ask = self._must_ask or (node.was_enabled and not enable[i])
+            node.was_enabled = bool(enable[i])
+            node.command(float(volts[i]), node.was_enabled)
             whole = link.send(node.message) and whole
             if node.to_start:
                 node.to_start = False

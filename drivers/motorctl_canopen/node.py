@@ -105,6 +105,7 @@ class Node:
         self._clearing = 0
         self._enabling = 0
         self._disabling = 0
+        self.was_enabled = False
         self.to_start = False
         """It is to be started by network management."""
 
@@ -112,6 +113,8 @@ class Node:
         """Let no answer be owed to SYNCs of before."""
         self._owed_states = self._owed_inputs = 0
         self._came = 0
+        self.doubted = False
+        """What came last may answer an older SYNC than it seems to."""
 
     @property
     def owed(self) -> int:
@@ -191,12 +194,14 @@ class Node:
         """Whether every kind of answer has come since the silence began."""
         return self._came == self.asked
 
-    def judge_silence(self) -> None:
-        """Let what did not come in a silence be owed no more: it was lost."""
+    def judge_silence(self) -> bool:
+        """Let what did not come in a silence be owed no more, as it was lost; tell if any came."""
         if not self._came & STATE:
             self._owed_states = 0
         if not self._came & INPUTS:
             self._owed_inputs = 0
+        self.doubted = False
+        return bool(self._came)
 
     # Once a period.
 

@@ -20,6 +20,10 @@ holds to the end. Larger refuses short ones, smaller takes an empty column for o
 As many as the time base needs."""
 FEWEST_COMMANDS = 2
 """Values of a command that was written when it changed. Fewer never drove anything. Arithmetic."""
+UNEVEN = 3.0
+"""Longest time between two values of a command over the usual one, from which it was written when
+it changed. Larger cuts recordings off behind the last change, smaller takes a stream that broke off
+for one that holds. Chosen by hand."""
 TOGETHER = 0.5
 """Part of the values of the sparser of position and command that may stand in a row with the
 other. Where more do, they were recorded together, and blanks are damage. Larger takes a damaged
@@ -60,10 +64,13 @@ def brought_together(
     )
     if clock is None or not apart or not enough:
         return dict(columns), ()
-    lead = description.axes[apart[0]].motion.column
+    lead, led = (
+        description.axes[apart[0]].motion.column,
+        description.axes[apart[0]].command.column,
+    )
     time = columns[clock.column]
     at = np.flatnonzero(_given(columns[lead]))
-    begin, end = _common(time, [_given(columns[name]) for name in streams])
+    begin, end = _common(time, [(_given(columns[name]), name in held) for name in streams])
     at = at[(time[at] >= begin) & (time[at] <= end)]
     out = {name: values[at] for name, values in columns.items()}
     for name in streams:
@@ -76,8 +83,8 @@ def brought_together(
             out[name] = np.interp(time[at], time[rows], values[rows])
     note = (
         f"column '{lead}' stands in {np.count_nonzero(_given(columns[lead]))} of {len(time)} rows, "
-        f"the command of axis {apart[0]} in others: commands are taken as they were held when the "
-        f"{len(at)} positions were recorded"
+        f"the command of axis {apart[0]} in {count[led]} others: commands are taken as they were "
+        f"held when the {len(at)} positions were recorded"
     )
     return out, (note,)
 
@@ -95,15 +102,18 @@ def _apart(columns: Mapping[str, Array], of_axis: Mapping[str, str]) -> bool:
     return bool(shared < TOGETHER * fewer)
 
 
-def _common(time: Array, streams: Iterable[NDArray[np.bool_]]) -> tuple[float, float]:
+def _common(time: Array, streams: Iterable[tuple[NDArray[np.bool_], bool]]) -> tuple[float, float]:
     """Return when the last of all streams begins, and when the first of them ends.
 
-    One of few values was written when it changed, and has no end.
+    Of each: in which rows it stands, and whether it holds until it is written again.
+    One of few values, or of uneven ones, was written when it changed, and has no end.
     """
     begins, ends = [], []
-    for given in streams:
+    for given, holds in streams:
         times = time[given]
         begins.append(float(times[0]))
-        if len(times) >= FEWEST_VALUES:
-            ends.append(float(times[-1] + np.median(np.diff(times))))
-    return max(begins), min(ends)
+        steps = np.diff(times)
+        usual = float(np.median(steps))
+        if len(times) >= FEWEST_VALUES and not (holds and steps.max() > UNEVEN * usual):
+            ends.append(float(times[-1]) + usual)
+    return max(begins), min(ends, default=np.inf)

@@ -230,7 +230,8 @@ def _read_described(path: Path, description: Description) -> Recording:
     if clock is not None:
         columns = table.without_repeated_times(columns, clock.column)
     described = [axis.motion.column for axis in description.axes.values()]
-    sound, wild = _without_wild(table, columns, described)
+    speeds = {axis.columns.get("velocity") for axis in description.axes.values()}
+    sound, wild = _without_wild(table, columns, described, speeds)
     sound, turns = with_turns_counted(table, sound, description, path)
     if clock is None:
         assert description.sample_rate_hz is not None
@@ -264,12 +265,15 @@ def _read_described(path: Path, description: Description) -> Recording:
 
 
 def _without_wild(
-    table: Table, columns: Mapping[str, Array], names: Iterable[str]
+    table: Table,
+    columns: Mapping[str, Array],
+    names: Iterable[str],
+    speeds: Collection[str | None] = (),
 ) -> tuple[dict[str, Array], list[str]]:
     """Return columns in which the damaged values of some are blank, and notes."""
     out, notes = dict(columns), []
     for name in dict.fromkeys(names):
-        out[name], told = without_wild(table, name, columns[name])
+        out[name], told = without_wild(table, name, columns[name], is_speed=name in speeds)
         notes += told
     return out, notes
 

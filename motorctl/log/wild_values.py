@@ -24,18 +24,22 @@ FEWEST_FAILED, MOST_FAILED = 3, 0.01
 """In how many places one and the same value stands at least, and in what part of a column's rows at
 most, to be what failed reads leave. Fewer are judged one by one; a larger part leaves too little,
 a smaller one leaves them in. Chosen by hand: an arm's bus failed in one row of 850."""
-MOST_IN_A_ROW = 5
+MOST_IN_A_ROW = 2
 """Rows of one value behind each other that may be failed reads where they are in one place or two.
-Larger takes a knock against something for them, smaller leaves bursts in. Chosen by hand: an arm's
-bus failed three times in a row."""
+Larger takes a knock against something for them, smaller leaves pairs in. Chosen by hand."""
 _FEWEST = 32
 _TOLD = 3
 
 
-def without_wild(table: Table, name: str, values: Array) -> tuple[Array, list[str]]:
-    """Return a column of positions with damaged values as NaN, and notes that tell each."""
+def without_wild(
+    table: Table, name: str, values: Array, *, is_speed: bool = False
+) -> tuple[Array, list[str]]:
+    """Return a column of a motion with damaged values as NaN, and notes that tell each.
+
+    A speed may be the same several times, and zero else: such values are judged one by one.
+    """
     rows = np.flatnonzero(np.isfinite(values))
-    wild = rows[wild_places(values[rows])]
+    wild = rows[wild_places(values[rows], failed_reads=not is_speed)]
     if not wild.size:
         return values, []
     out = values.copy()
@@ -48,7 +52,7 @@ def without_wild(table: Table, name: str, values: Array) -> tuple[Array, list[st
     ]
 
 
-def wild_places(x: Array) -> NDArray[np.intp]:
+def wild_places(x: Array, *, failed_reads: bool = True) -> NDArray[np.intp]:
     """Return where single values of a column lie far off, (m,) in rising order; x is finite, (N,).
 
     A value is judged by its distance from the middle of its neighbours, the first and the last one
@@ -56,9 +60,10 @@ def wild_places(x: Array) -> NDArray[np.intp]:
     """
     if len(x) < _FEWEST:
         return np.zeros(0, dtype=np.intp)
-    failed = _failed_reads(x)
+    failed = _failed_reads(x) if failed_reads else np.zeros(0, dtype=np.intp)
     if failed.size:
-        return failed
+        kept = np.delete(np.arange(len(x)), failed)
+        return np.sort(np.concatenate([failed, kept[wild_places(x[kept])]]))
     x = x.copy()
     found: list[int] = []
     sure = 0
@@ -83,7 +88,9 @@ def _failed_reads(x: Array) -> NDArray[np.intp]:
         spells = np.split(places, np.flatnonzero(np.diff(places) > 1) + 1)
         inside = places[0] > 0 and places[-1] < len(x) - 1
         short = inside and len(places) > 1 and max(map(len, spells)) <= MOST_IN_A_ROW
-        if (not short and len(spells) < FEWEST_FAILED) or len(places) > MOST_FAILED * len(x):
+        single = sum(len(spell) == 1 for spell in spells)
+        often = len(spells) >= FEWEST_FAILED and 2 * single >= len(spells)
+        if not (short or often) or len(places) > MOST_FAILED * len(x):
             continue
         rest = np.delete(x, places)
         line = np.interp(places, np.delete(np.arange(len(x)), places), rest)

@@ -70,6 +70,16 @@ def test_a_command_that_was_written_only_when_it_changed_holds_to_the_end(tmp_pa
     np.testing.assert_allclose(recording.axes["trolley"].command, voltage(last), atol=1e-9)
 
 
+@pytest.mark.parametrize("changes", [12, 16, 40])
+def test_a_command_that_last_changed_in_the_middle_holds_to_the_end(tmp_path, changes):
+    rng = np.random.default_rng(changes)
+    kept = np.sort(rng.choice(np.arange(1, 100), changes, replace=False))
+    gone = {("/voltage/data", k) for k in range(200) if k not in kept}
+    recording = read_recording(written(tmp_path, gone=gone))
+    assert recording.time_s[-1] - EPOCH_S > 3.9
+    assert any(f"in {changes} others" in note for note in recording.notes)
+
+
 def test_rows_before_every_column_has_begun_are_left_out_and_it_is_told(tmp_path):
     recording = read_recording(written(tmp_path))
     assert recording.time_s[0] - EPOCH_S > 0.011

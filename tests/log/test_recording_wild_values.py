@@ -81,7 +81,24 @@ def test_what_failed_reads_leave_is_left_out_however_often_and_in_a_row(tmp_path
     np.testing.assert_array_equal(np.flatnonzero(~axis.recorded), rows)
 
 
-@pytest.mark.parametrize("rows", [[700, 701], [700, 701, 702, 704, 705]])
+def test_a_damaged_value_beside_failed_reads_is_left_out_too(tmp_path):
+    position = moved("noise")
+    position[[300, 900, 1500]], position[2000] = -np.pi, 3.5
+    axis = read(tmp_path, position).axes["x"]
+    np.testing.assert_array_equal(np.flatnonzero(~axis.recorded), [300, 900, 1500, 2000])
+
+
+@pytest.mark.parametrize(
+    "visits", [[100, 101, 102, 103], [100, 101, 102, 900, 901, 902, 2000, 2001]]
+)
+def test_places_that_an_axis_visits_for_some_rows_are_no_failed_reads(tmp_path, visits):
+    position = np.zeros(N)
+    position[visits] = 0.5
+    position[1500:1540] = 1e-6
+    assert read(tmp_path, position).axes["x"].recorded is None
+
+
+@pytest.mark.parametrize("rows", [[700, 701], [700, 702, 703, 1200]])
 def test_two_failed_reads_behind_each_other_are_left_out(tmp_path, rows):
     position = moved("noise")
     position[rows] = -np.pi

@@ -30,6 +30,7 @@ from motorctl.identify.diagnose.search.hypothesis import Catalogue
 from motorctl.identify.diagnose.search.motion_band import motion_band_hz
 from motorctl.identify.diagnose.search.search import LONGEST_SEARCH_S, nothing_sought, over_all
 from motorctl.identify.diagnose.search.undetermined import with_determined, without_undetermined
+from motorctl.identify.diagnose.search.whole_model import inertia_of
 from motorctl.identify.diagnose.verdict.assemble import assemble
 from motorctl.identify.diagnose.verdict.driven_motion import too_plain
 from motorctl.identify.diagnose.verdict.far_spring import far_spring, load_on_spring
@@ -222,7 +223,7 @@ def diagnose_axis(
             model = whole
             dropped = {name: why for name, why in dropped.items() if name not in model.names}
             found = searched(rows, model, sign_of(declared.effects), tell, tried)
-        if hint and not far:
+        if not far and (hint or not inertia_of(found.final) > 0.0):
             hint = late_command(beside_found(heard, found.final.added))
         found = over_all(found, signals, tried)
     tell("judging what was found")

@@ -32,7 +32,9 @@ class LateBus:
         self.now = self.waited_s = 0.0
         self.late = late
         self.loses: set[int] = set()
-        """Periods in which an answer is lost."""
+        """Periods in which answers are lost."""
+        self.dead_from: dict[int, int] = {}
+        """From which period on a node answers no more."""
         self.stalls: dict[int, float] = {}
         """From the beginning of a period on nothing comes for so many periods, then all at once."""
         self._coming: list[tuple[float, int, int]] = []
@@ -42,7 +44,11 @@ class LateBus:
         if message.arbitration_id == 0x80:
             self._asked_at = self.now
             if int(self.now) not in self.loses:
-                self._coming += [(self.now + self.late, node, int(self.now)) for node in (1, 2)]
+                self._coming += [
+                    (self.now + self.late, node, int(self.now))
+                    for node in (1, 2)
+                    if self.now < self.dead_from.get(node, PERIODS)
+                ]
         return True
 
     def monotonic(self) -> float:
@@ -138,6 +144,20 @@ def test_a_lost_answer_costs_three_samples():
     found = fresh_samples(bus)
     missing = set(range(PERIODS)) - {period for period, _ in found}
     assert missing == {100, 101, 102}  # it, one that may be its late answer, one without SYNC
+
+
+def test_beside_a_dead_drive_a_lost_answer_of_the_other_costs_three_samples_as_ever():
+    bus = LateBus(0.3)
+    bus.dead_from, bus.loses = {2: 50}, {100, 150}
+    missing = set(range(PERIODS)) - {period for period, _ in fresh_samples(bus, {140})}
+    assert missing == {100, 101, 102, 140, 150, 151, 152}
+
+
+def test_a_period_that_the_loop_skipped_in_a_long_silence_costs_nothing_after_it():
+    bus = LateBus(0.3)
+    bus.loses = set(range(20, 200))
+    found = [period for period, _ in fresh_samples(bus, {190})]
+    assert min(period for period in found if period > 20) <= 206
 
 
 def test_a_drive_that_was_silent_is_heard_five_periods_after_it_speaks_again():

@@ -170,6 +170,24 @@ def test_a_late_command_is_told_with_its_time(run, late_ms):
     assert told_ms == pytest.approx(late_ms, abs=0.6)
 
 
+@pytest.mark.parametrize("moves_s", [0.08, 0.1, 0.12])
+def test_of_two_short_moves_a_late_command_is_asked_of_the_rows_that_there_are(moves_s):
+    rng = np.random.default_rng(2)
+    time_s = np.arange(3000) / 1000.0
+    rising = np.clip((time_s - 1.0) / moves_s, 0.0, 1.0)
+    falling = np.clip((time_s - 2.0) / moves_s, 0.0, 1.0)
+    x = 0.05 * (rising - np.sin(2 * np.pi * rising) / (2 * np.pi))
+    x = x - 0.05 * (falling - np.sin(2 * np.pi * falling) / (2 * np.pi))
+    v = np.gradient(x, time_s)
+    command = np.gradient(v, time_s) + 5.0 * v + 2.0 * np.tanh(v / 1e-3)
+    data = Measured(
+        source="a.csv", axis="x", sample_rate_hz=1000.0, time_s=time_s,
+        position=x + 1e-7 * rng.standard_normal(3000),
+        command=command + 0.01 * rng.standard_normal(3000), usable=np.ones(3000, dtype=np.bool_),
+    )  # fmt: skip
+    assert late_command(heard(data)) is None
+
+
 @pytest.mark.parametrize(("wave_hz", "delay_ms"), [(60.0, 4.0), (55.0, 5.0)])
 def test_a_wave_that_comes_late_answers_to_no_earlier_period_of_the_command(wave_hz, delay_ms):
     """Half a period less what a command of one frequency is late by looks early."""

@@ -205,6 +205,8 @@ def of_impossible_inertia(
 ) -> tuple[Effect, str] | None:
     """Return the effect with which a model's inertia is far from what is known of it."""
     for by in known:
+        if by.hides:
+            continue
         off = inertia_off(final, by)
         if off <= FAR_OFF:
             continue

@@ -170,7 +170,9 @@ def seen_inertia(base: Hypothesis) -> InertiaRange | None:
     rest = gram[np.ix_(two, two)] - by.T @ cross - cross.T @ by + by.T @ beside @ by
     right, both, left = rest[0, 0], rest[0, 1], rest[1, 1]
     scale = float(lengths[0] / lengths[-1])
-    if both <= 0.0 or left <= 0.0:
+    if left <= 0.0:
+        return None
+    if both <= 0.0:
         return _hidden_inertia(base, right, both, left, scale)
     ends = [scale * float(right / both), scale * float(both / left)]
     if base.regressors.side == "command":  # the acceleration stands on the right there

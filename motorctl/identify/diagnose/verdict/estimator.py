@@ -11,6 +11,10 @@ from motorctl.identify.diagnose.search.hypothesis import Hypothesis
 from motorctl.identify.diagnose.search.whole_model import FAR_OFF, OF_INERTIA, inertia_of
 from motorctl.log.units import unit_for
 
+HARDLY_SEEN = 0.05
+"""Part of the acceleration that the command tells beside the model, up to which no range is told.
+Larger leaves ranges untold, smaller tells of ones that say nothing. Chosen by hand: twentyfold."""
+
 
 def estimator_of(model: Hypothesis, instruments: bool = False) -> Estimator:
     """Return how a model's parameters were found; `instruments`: with those of the reference."""
@@ -42,18 +46,18 @@ def _between(model: Hypothesis) -> str:
     """Return between what values the inertia lies, where the acceleration may be full of noise.
 
     With the command on the left, noise of the acceleration makes the inertia smaller; with the
-    acceleration there, forces that nothing explains make it larger.
+    acceleration there, forces that nothing explains make it larger, if they know nothing of it.
     """
     gram = model.problem.total
     two, others = np.array([0, len(gram) - 1]), np.arange(1, len(gram) - 1)
     beside, cross = gram[np.ix_(others, others)], gram[np.ix_(others, two)]
     rest = gram[np.ix_(two, two)] - cross.T @ np.linalg.lstsq(beside, cross, rcond=None)[0]
     seen = rest[0, 1] ** 2 / max(rest[0, 0] * rest[1, 1], 1e-300)
-    if not 0.0 < seen < 1.0 / FAR_OFF:
+    if not HARDLY_SEEN < seen < 1.0 / FAR_OFF or not inertia_of(model) > 0.0:
         return ""
     data = model.regressors.signals.data
     inertia, unit = inertia_of(model), unit_for(OF_INERTIA, data.position_unit, data.command_unit)
     return (
         f"; least squares of the acceleration would have an inertia of {inertia / seen:.3g} "
-        f"{unit} where this has {inertia:.3g}, and the true one should lie between"
+        f"{unit} where this has {inertia:.3g}, and the true one may lie between"
     )

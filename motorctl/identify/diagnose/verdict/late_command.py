@@ -39,6 +39,11 @@ sound recordings, smaller misses late columns. Chosen by hand: of 91 sound real 
 an arm's joint with a current that is 115 and 190 ms late has 0.3."""
 
 
+SHIFTED = 4
+"""The command is shifted by one row in so many, at most. Larger misses late columns of short
+motion, smaller compares a few rows. Chosen by hand."""
+
+
 def late_command(heard: Hypothesis) -> str | None:
     """Return a hint that the command column is late against the position, or None.
 
@@ -55,7 +60,8 @@ def late_command(heard: Hypothesis) -> str | None:
     left = _left_by_leads(signals, rows, leads)
     best, limit = int(np.argmin(left)), FITS_BETTER
     later_left = np.inf
-    if best in (0, len(leads) - 1) and (far := _far_lead(signals, rows)) is not None:
+    near_one = 0 < best < len(leads) - 1 and left[best] <= FITS_BETTER * left[0]
+    if not near_one and (far := _far_lead(signals, rows)) is not None:
         around, later_left = far
         leads = np.concatenate([[0], around])
         left = _left_by_leads(signals, rows, leads)
@@ -81,7 +87,9 @@ def _far_lead(signals: Signals, rows: Array) -> tuple[Leads, float] | None:
 
     By whole rows, whose signals are filtered already; None where no far one leaves little enough.
     """
-    end = round(LONGEST_S / signals.row_period_s)
+    end = min(round(LONGEST_S / signals.row_period_s), rows.shape[1] // SHIFTED)
+    if end < 2:
+        return None
 
     def left(lead: int) -> float:
         return _left(_earlier(rows[0], lead), rows)

@@ -48,7 +48,8 @@ def without_impossible(found: Found) -> tuple[Found, tuple[str, ...]]:
 def beside_negative_inertia(found: Found) -> tuple[Found, tuple[str, ...]]:
     """Return a search's outcome without any name where the inertia is surely negative, and why.
 
-    No machine has such an inertia. What was found beside it may be there, with the other sign.
+    No machine has such an inertia. What was found beside it may be there, with the other sign or
+    behind a command that is late.
     """
     final = found.final
     fitted = values_of(final)
@@ -63,8 +64,9 @@ def beside_negative_inertia(found: Found) -> tuple[Found, tuple[str, ...]]:
     names = " and ".join(effect.name for effect in final.added)
     return declared_alone(found), (
         f"{names}: not named, for the inertia beside comes to {value:.3g} ± {error:.2g} {unit}, "
-        "and no machine has a negative one: the sign of the command or of the position is reversed "
-        "in the recording, or something else drives the axis",
+        "and no machine has a negative one: the sign of the command or of the position may be "
+        "reversed in the recording, the command may be recorded late, or something else drives the "
+        "axis",
     )
 
 
@@ -111,7 +113,7 @@ def whole_told(whole: WholeModel, effects: Sequence[FoundEffect]) -> tuple[str, 
             f"gives {100.0 * whole.friction_gives:.3g} % of the energy that passes between "
             "command and motion"
         )
-    if not 0.0 < whole.inertia < math.inf:  # surely negative ones are not named beside
+    if not 0.0 < whole.inertia < math.inf:
         return (f"the whole model: its friction {friction}; its inertia is too small to be seen",)
     between = ""
     if whole.seen_inertia is not None:
