@@ -69,8 +69,8 @@ def told_range(noise_m):
 
 
 def test_an_inertia_that_noise_of_the_acceleration_hides_is_told_with_its_upper_end():
-    assert told_range(1e-7) == ""
-    told = told_range(2e-4)
+    assert told_range(1e-7) == told_range(3e-4) == ""  # none is needed; nothing is seen
+    told = told_range(7e-5)
     parts = (told.partition(of)[2].split()[0] for of in ("inertia of ", " has "))
     more, less = (float(part.rstrip(",")) for part in parts)
     assert less < 0.6 * OtherPlant.inertia
