@@ -135,6 +135,8 @@ class Exchange:
         else:
             link.passing |= BABBLE
         self._waiting = False
+        if room > 0 and time.monotonic() > deadline + self._period_s:
+            self._drain(room)  # a pause: heartbeats that came meanwhile are no silence
 
     def _remember_periods(self, now_s: float) -> None:
         """Note whether the last period had a SYNC, and which ones the loop skipped since."""
