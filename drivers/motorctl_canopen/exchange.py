@@ -170,8 +170,8 @@ class Exchange:
         most, tells = 0, not self._until_silence
         for node in self._nodes:
             if node.doubted:
-                most = max(most, node.owed, 1)
-                tells = tells and self._would_come(max(node.owed, 1))
+                owed = max(node.owed, 1)
+                most, tells = max(most, owed), tells and self._would_come(owed)
         if not most or not tells:
             return False
         self._quiet_left = min(most, SILENT_PERIODS)

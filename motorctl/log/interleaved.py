@@ -64,10 +64,8 @@ def brought_together(
     )
     if clock is None or not apart or not enough:
         return dict(columns), ()
-    lead, led = (
-        description.axes[apart[0]].motion.column,
-        description.axes[apart[0]].command.column,
-    )
+    first = description.axes[apart[0]]
+    lead, led = first.motion.column, first.command.column
     time = columns[clock.column]
     at = np.flatnonzero(_given(columns[lead]))
     begin, end = _common(time, [(_given(columns[name]), name in held) for name in streams])

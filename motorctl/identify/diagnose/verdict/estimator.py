@@ -8,7 +8,7 @@ import numpy as np
 
 from motorctl.identify.diagnose.result import Estimator
 from motorctl.identify.diagnose.search.hypothesis import Hypothesis
-from motorctl.identify.diagnose.search.whole_model import FAR_OFF, OF_INERTIA, inertia_of
+from motorctl.identify.diagnose.search.whole_model import FAR_OFF, OF_INERTIA, TINY, inertia_of
 from motorctl.log.units import unit_for
 
 HARDLY_SEEN = 0.05
@@ -52,11 +52,12 @@ def _between(model: Hypothesis) -> str:
     two, others = np.array([0, len(gram) - 1]), np.arange(1, len(gram) - 1)
     beside, cross = gram[np.ix_(others, others)], gram[np.ix_(others, two)]
     rest = gram[np.ix_(two, two)] - cross.T @ np.linalg.lstsq(beside, cross, rcond=None)[0]
-    seen = rest[0, 1] ** 2 / max(rest[0, 0] * rest[1, 1], 1e-300)
-    if not HARDLY_SEEN < seen < 1.0 / FAR_OFF or not inertia_of(model) > 0.0:
+    seen = rest[0, 1] ** 2 / max(rest[0, 0] * rest[1, 1], TINY)
+    inertia = inertia_of(model)
+    if not HARDLY_SEEN < seen < 1.0 / FAR_OFF or not inertia > 0.0:
         return ""
     data = model.regressors.signals.data
-    inertia, unit = inertia_of(model), unit_for(OF_INERTIA, data.position_unit, data.command_unit)
+    unit = unit_for(OF_INERTIA, data.position_unit, data.command_unit)
     return (
         f"; least squares of the acceleration would have an inertia of {inertia / seen:.3g} "
         f"{unit} where this has {inertia:.3g}, and the true one may lie between"

@@ -37,8 +37,6 @@ FITS_MUCH_BETTER = 0.6
 """The same where the lateness is no near one, which slow feedback imitates. Nearer to 1 suspects
 sound recordings, smaller misses late columns. Chosen by hand: of 91 sound real axes none is told,
 an arm's joint with a current that is 115 and 190 ms late has 0.3."""
-
-
 SHIFTED = 4
 """The command is shifted by one row in so many, at most. Larger misses late columns of short
 motion, smaller compares a few rows. Chosen by hand."""
@@ -59,7 +57,7 @@ def late_command(heard: Hypothesis) -> str | None:
     leads = np.arange(0, near + 1, step)
     left = _left_by_leads(signals, rows, leads)
     best, limit = int(np.argmin(left)), FITS_BETTER
-    later_left = np.inf
+    later_ones, later_left = -leads[1:], np.inf
     near_one = 0 < best < len(leads) - 1 and left[best] <= FITS_BETTER * left[0]
     if not near_one and (far := _far_lead(signals, rows)) is not None:
         around, later_left = far
@@ -72,7 +70,6 @@ def late_command(heard: Hypothesis) -> str | None:
         return None
     if best == len(leads) - 1:  # slow feedback, or a wave
         return None
-    later_ones = -np.arange(step, near + 1, step)
     if min(later_left, _left_by_leads(signals, rows, later_ones).min()) <= left[best]:
         return None  # a later one does as well: of a wave, any period may seem to
     return (

@@ -113,9 +113,7 @@ def check_no_set_point(plain: Signals, declared: EffectList) -> str | None:
     DataError
         The command is the position that the axis is sent to.
     """
-    rows, command = _motion(plain.plain(min(FOLLOWED_HZ, plain.band_hz)))
-    b: Array = np.linalg.lstsq(rows.T, command, rcond=None)[0].astype(np.float64)
-    left = float(np.mean((command - b @ rows) ** 2))
+    rows, command, b, left = _as_followed(plain)
     size = float(np.std(command))
     if size == 0.0 or left > (1.0 - FOLLOWS) * size**2:
         return None
@@ -163,9 +161,8 @@ def like_a_set_point(axis: AxisDiagnosis, plain: Signals) -> str | None:
     others = [e.name for e in axis.effects if "force_of_position" not in e.effect.groups]
     if others or has_spring(axis.declared):
         return None
-    rows, command = _motion(plain.plain(min(FOLLOWED_HZ, plain.band_hz)))
-    b: Array = np.linalg.lstsq(rows.T, command, rcond=None)[0].astype(np.float64)
-    left = float(np.mean((command - b @ rows) ** 2)) / max(float(np.var(command)), TINY)
+    rows, command, b, left = _as_followed(plain)
+    left /= max(float(np.var(command)), TINY)
     near = any(abs(b[0] / factor - 1.0) < ROUGHLY_ONE for factor in _KNOWN)
     mostly = float(np.std(b[0] * rows[0])) > MOST_OF_IT * float(np.std(command))
     if not (near and mostly and left < ROUGHLY_LEFT):
@@ -198,6 +195,16 @@ def _could_be_one(rows: Array, command: Array, b: Array, parts: Array, left: flo
     rest, others = command - rows[0], rows[1:]
     held = rest - np.linalg.lstsq(others.T, rest, rcond=None)[0] @ others
     return bool(np.mean(held**2) <= max(AS_WELL * left, HARDLY * np.var(command)))
+
+
+def _as_followed(plain: Signals) -> tuple[Array, Array, Array, float]:
+    """Return `_motion` in the band in which any loop follows, and its fit to the command.
+
+    That is the factors of the motion, and the mean square that they leave.
+    """
+    rows, command = _motion(plain.plain(min(FOLLOWED_HZ, plain.band_hz)))
+    b: Array = np.linalg.lstsq(rows.T, command, rcond=None)[0].astype(np.float64)
+    return rows, command, b, float(np.mean((command - b @ rows) ** 2))
 
 
 def _motion(plain: Signals) -> tuple[Array, Array]:
