@@ -303,10 +303,9 @@ def test_rows_of_a_daemon_are_those_of_its_log_across_its_restart(daemon: Daemon
     (path,) = set(daemon.logs.glob("*.parquet")) - earlier
     log = motorctl.open_log(path)
     ticks = np.concatenate([batch["tick"] for batch in read])
-    assert (np.diff(ticks) == 1).all()
+    kept = log["tick"] >= ticks[0]  # a period that the computer missed has no row in either
+    assert (ticks == log["tick"][kept]).all(), "each row once, to the last"
     assert sum(batch.lost for batch in read) == samples.lost == 0
-    assert ticks[-1] == log["tick"][-1], "to the last row"
-    kept = np.isin(log["tick"], ticks)
     for name in ("x.position_m", "x.command_v", "y.theta_hat_inertia", "x.state"):
         assert (np.concatenate([batch[name] for batch in read]) == log[name][kept]).all(), name
     assert len(ticks) > 200
