@@ -405,13 +405,13 @@ def make_signals(
     slowest = COUNTS_PER_PERIOD * band * (data.resolution or 0.0)
     quiet_hz = quiet_band_hz(density, band, slope_s_m)
     stretches, kept, enough, everywhere = [], [], 0, 0
+    row_s = decimation * data.period_s
     for rows in data.stretches(shortest):
         stretch = make_stretch(data, rows, min(2.0 * band, 0.45 * rate), quiet_hz)
         stretches.append(stretch)
         used = np.zeros(-(-len(stretch.x) // decimation), dtype=np.bool_)
         used[trim : len(used) - trim] = True
         enough += int(used.sum())
-        row_s = decimation * data.period_s
         moves = ~at_rest(stretch, row_s, decimation, noise, rms, STUCK_PERIODS / band, slowest)
         everywhere += int(moves.sum())
         kept.append(used & moves)
@@ -440,13 +440,15 @@ def make_signals(
             "record a larger or faster motion"
         )
     if enough < FEWEST_ROWS:
-        longest = max((rows.stop - rows.start for rows in data.stretches(1)), default=0)
+        lengths = [rows.stop - rows.start for rows in data.stretches(1)]
+        longest, whole_s = max(lengths, default=0), sum(lengths) / rate
         raise DataError(
             f"{data.place}: no stretch of moving samples reaches {shortest / rate:.3g} s without "
             f"a gap, the longest lasts {longest / rate:.3g} s: record a longer motion"
             if longest < shortest
-            else f"{data.place}: {enough} rows below {band:.3g} Hz in stretches without a gap, and "
-            f"at least {FEWEST_ROWS} are needed: record a longer motion, or fewer gaps"
+            else f"{data.place}: {whole_s:.3g} s leave {enough} rows below {band:.3g} Hz, as "
+            f"smoothing takes {2.0 * trim * row_s:.2g} s of each stretch without a gap, and at "
+            f"least {FEWEST_ROWS} are needed: record a longer motion, or fewer gaps"
         )
     return Signals(
         data=data,

@@ -1,4 +1,4 @@
-"""Mistakes that recordings come with: a stuck encoder, a reference of another sign or unit.
+"""Mistakes that recordings come with: a stuck encoder, signs lost, a reference of another unit.
 
 Each would be taken for physics otherwise, and named as an effect.
 """
@@ -40,6 +40,16 @@ JUST_SO = 0.02
 """Relative distance up to which a factor is such a one. Larger names units for wrong pitches,
 smaller misses them where the axis follows softly. Chosen by hand."""
 
+WORDS = (16, 32)
+"""Bits of the numbers whose sign may be lost. Smaller ones are left out, as a duty cycle of 0 and
+255 is one that switches; larger ones no number here holds exactly. Arithmetic."""
+EITHER_SIGN = 0.005
+"""Part of the rows that must lie on either side of zero. Larger misses commands that act one way
+nearly always, smaller takes a few damaged values for signs. Chosen by hand."""
+ON_GRID = 1e-3
+"""Steps by which a value of whole numbers may be off. Larger takes any column for whole numbers,
+smaller trips over what a unit's factor rounds. Chosen by hand."""
+
 
 def check_columns(data: Measured, declared: EffectList | None = None) -> None:
     """Raise DataError where a column cannot be what it is said to be, with what to do.
@@ -48,6 +58,7 @@ def check_columns(data: Measured, declared: EffectList | None = None) -> None:
     declared model has a force of the position.
     """
     check_encoder(data)
+    _check_lost_sign(data)
     with np.errstate(all="ignore"):  # nothing is claimed of what is no number
         _check_reference(data)
         if declared is None or not has_spring(declared):
@@ -57,6 +68,35 @@ def check_columns(data: Measured, declared: EffectList | None = None) -> None:
 def has_spring(declared: EffectList) -> bool:
     """Return whether a model has a force of the position: then a command may follow the place."""
     return any("force_of_position" in effect.groups for effect in declared.effects)
+
+
+def _check_lost_sign(data: Measured) -> None:
+    """Find a command whose negative values stand there as large positive ones.
+
+    As of -1 read as 65535: whole numbers at both ends of their range, and nothing in its middle.
+    """
+    values = np.unique(data.command[data.usable])
+    low = values[values < 0.5 * values[-1]]
+    if len(low) < 2 or not values[0] >= 0.0:
+        return
+    step = float(np.diff(low).min())
+    step = low[-1] / np.round(low[-1] / step)
+    counts = values / step
+    if np.abs(counts - np.round(counts)).max() > ON_GRID:
+        return
+    command = data.command[data.usable] / step
+    for bits in WORDS:
+        whole = 2.0**bits
+        high = command > 0.75 * whole
+        if counts[-1] >= whole or np.any((command > 0.25 * whole) & ~high):
+            continue
+        if EITHER_SIGN <= float(np.mean(high)) <= 1.0 - EITHER_SIGN:
+            raise DataError(
+                f"{data.place}: the command has values from {values[0]:.4g} to "
+                f"{values[-1]:.4g} {data.command_unit}, {bits}-bit numbers at both ends of their "
+                "range and none between: negative ones were read as large positive ones; write "
+                f"the column with its signs (above {whole / 2.0 - 1.0:.0f} take {whole:.0f} off)"
+            )
 
 
 def _check_reference(data: Measured) -> None:

@@ -35,7 +35,7 @@ from motorctl.identify.diagnose.verdict.assemble import assemble
 from motorctl.identify.diagnose.verdict.driven_motion import too_plain
 from motorctl.identify.diagnose.verdict.far_spring import far_spring, load_on_spring
 from motorctl.identify.diagnose.verdict.late_command import (
-    beside_found,
+    late_beside,
     late_command,
     read_between,
 )
@@ -45,6 +45,7 @@ from motorctl.identify.diagnose.verdict.recording_mistakes import (
     check_explains,
     check_magnitude,
     check_motion,
+    explained_below,
 )
 from motorctl.identify.diagnose.verdict.set_point import check_no_set_point, like_a_set_point
 from motorctl.identify.diagnose.verdict.speed_command import speed_told
@@ -188,24 +189,30 @@ def diagnose_axis(
     pieces = shortened(signals, LONGEST_SEARCH_S)
     model, dropped = without_undetermined(pieces, declared)
     plain = too_plain(signals)
-    far, held_back = None, False
+    far, below, held_back = None, None, False
     try:
         heard = check_explains(data, pieces, model, bool(plain), data.others)
     except UnexplainedMotionError as unexplained:
         far = far_spring(unexplained.plain)
         held_back = far is None and load_on_spring(unexplained.plain)
-        if far is None and not held_back:
+        if not held_back:
+            below = explained_below(
+                data, unexplained.plain, model, far.frequency_hz if far else 0.0
+            )
+        if below is not None:
+            far = None
+        elif far is None and not held_back:
             raise
         try:
             if far is not None:
                 signals = pieces = make_signals(data, far.together_hz, slope)
         except DataError:  # too slow a spring for so short a recording: what is said is the rest
             raise unexplained from None
-        heard = check_explains(data, pieces, model, bool(plain) or held_back, data.others)
+        heard = below or check_explains(data, pieces, model, bool(plain) or held_back, data.others)
     if not plain:
         plain = check_no_set_point(heard.regressors.signals, declared)
-    hint = far.told() if far else late_command(heard)
     band_hz = motion_band_hz(heard, signals.band_hz)
+    late = at_first = None if far else late_command(heard, band_hz)
     data, read = read_between(data, heard)
     if band_hz < signals.band_hz or read:
         signals = make_signals(data, band_hz, slope)
@@ -223,8 +230,8 @@ def diagnose_axis(
             model = whole
             dropped = {name: why for name, why in dropped.items() if name not in model.names}
             found = searched(rows, model, sign_of(declared.effects), tell, tried)
-        if not far and (hint or not inertia_of(found.final) > 0.0):
-            hint = late_command(beside_found(heard, found.final.added))
+        if not far and (late or not inertia_of(found.final) > 0.0):
+            late = late_beside(heard, found.final.added, band_hz, late)
         found = over_all(found, signals, tried)
     tell("judging what was found")
     axis = assemble(data, found, model, dropped, parts, test, began, plain)
@@ -235,5 +242,8 @@ def diagnose_axis(
             "or at a higher rate"
         )
     sent = like_a_set_point(axis, heard.regressors.signals)
+    if not axis.effects:  # nothing that was found is sure enough to explain it
+        late = late or at_first
+    hint = far.told() if far else late.told() if late else None
     notes = filter(None, (held, stale, stuck, hint, read, sent, speed_told(axis)))
     return replace(axis, notes=(*axis.notes, *notes))

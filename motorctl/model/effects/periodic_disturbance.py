@@ -1,4 +1,4 @@
-"""A force of fixed frequency from outside: fan, pump, mains."""
+"""A force of fixed frequency from outside: fan, pump, mains, a part that swings by itself."""
 
 from __future__ import annotations
 

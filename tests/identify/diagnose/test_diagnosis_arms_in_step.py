@@ -102,7 +102,7 @@ def test_a_slow_joint_whose_torque_was_recorded_late_is_told_by_how_much(late_s)
         assert hint is None
     else:
         assert hint is not None
-        told_s = float(hint.partition("late_s: ")[2].split()[0])
+        told_s = float(hint.told().partition("late_s: ")[2].split()[0])
         assert told_s == pytest.approx(late_s, abs=0.02)
 
 

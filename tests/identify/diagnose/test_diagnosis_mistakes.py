@@ -166,7 +166,7 @@ def test_a_late_command_is_told_with_its_time(run, late_ms):
     command = np.concatenate([np.full(samples, run.command[0]), run.command[:-samples]])
     hint = late_command(heard(replace(run, command=command)))
     assert hint is not None
-    told_ms = float(hint.partition("command ")[2].partition(" ms")[0])
+    told_ms = float(hint.told().partition("command ")[2].partition(" ms")[0])
     assert told_ms == pytest.approx(late_ms, abs=0.6)
 
 
@@ -466,3 +466,18 @@ def test_a_speed_that_a_drive_was_sent_to_is_not_taken_for_what_drives_it(run):
     told = "the command is its speed, and no inertia can be seen"
     assert any(told in note for note in diagnose_axis(servo, C1).notes)
     assert not any(told in note for note in diagnose_axis(run, C1).notes)
+
+
+@pytest.mark.parametrize("bits", [16, 32])
+@pytest.mark.parametrize("scale", [1.0, 1e-3, 0.0049])
+def test_a_command_that_lost_its_signs_is_told(run, bits, scale):
+    counts = np.round(300.0 * run.command / np.abs(run.command).max())
+    data = replace(run, command=scale * (counts % 2**bits))
+    with pytest.raises(DataError, match=f"{bits}-bit .* negative ones were read as large positive"):
+        check_columns(data)
+    check_columns(replace(run, command=scale * counts))
+
+
+def test_a_duty_cycle_that_switches_has_lost_no_sign(run):
+    check_columns(replace(run, command=np.where(run.command > 0.0, 255.0, 0.0)))
+    check_columns(replace(run, command=np.where(run.command > 0.0, 65535.0, 0.0)))

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +12,7 @@ from numpy.typing import NDArray
 from motorctl.identify.columns.command_timing import later
 from motorctl.identify.columns.measured import Measured
 from motorctl.identify.columns.signals import Signals
-from motorctl.identify.diagnose.search.hypothesis import Hypothesis
+from motorctl.identify.diagnose.search.hypothesis import Hypothesis, Regressors
 from motorctl.model import Effect
 
 Array = NDArray[np.float64]
@@ -42,79 +43,149 @@ SHIFTED = 4
 motion, smaller compares a few rows. Chosen by hand."""
 
 
-def late_command(heard: Hypothesis) -> str | None:
-    """Return a hint that the command column is late against the position, or None.
+@dataclass(frozen=True)
+class LateColumn:
+    """How late a command was recorded, how much of the squared residual that leaves, and where."""
+
+    late_s: float
+    left: float
+    band_hz: float
+
+    def told(self) -> str:
+        """Return a hint that tells of it."""
+        return (
+            f"the motion answers to the command {1e3 * self.late_s:.3g} ms before it was recorded "
+            f"(this leaves {100.0 * self.left:.0f} % of the squared residual): where the "
+            f"column is late, give the command late_s: {self.late_s:.3g} in the description"
+        )
+
+
+def late_command(heard: Hypothesis, band_hz: float = math.inf) -> LateColumn | None:
+    """Return how late the command column is against the position, None where it is not.
 
     Parameters
     ----------
     heard
         The declared model over the band in which motion outweighs noise.
+    band_hz
+        Band of the motion itself [Hz]: where that is narrower it is asked first, as noise hides
+        late columns in the wider one.
     """
+    found = None
+    if band_hz < heard.regressors.signals.band_hz:
+        found = _late(_in_band(heard, band_hz), FITS_MUCH_BETTER)
+    return found or _late(heard, FITS_BETTER)
+
+
+def _late(heard: Hypothesis, near_limit: float) -> LateColumn | None:
     signals = heard.regressors.signals
     rows = heard.problem.joined(signals.rows)
     step = max(1, round(STEP_S / signals.period_s))
     near = round(NEAR_S / signals.period_s) + step
     leads = np.arange(0, near + 1, step)
     left = _left_by_leads(signals, rows, leads)
-    best, limit = int(np.argmin(left)), FITS_BETTER
-    later_ones, later_left = -leads[1:], np.inf
-    near_one = 0 < best < len(leads) - 1 and left[best] <= FITS_BETTER * left[0]
-    if not near_one and (far := _far_lead(signals, rows)) is not None:
-        around, later_left = far
+    best, limit = int(np.argmin(left)), near_limit
+    later_ones, later_left = -leads[1:], _left_later(signals, rows)
+    near_one = 0 < best < len(leads) - 1 and left[best] <= near_limit * left[0]
+    if not near_one and (around := _far_lead(signals, rows)) is not None:
         leads = np.concatenate([[0], around])
         left = _left_by_leads(signals, rows, leads)
         best, limit = int(np.argmin(left)), FITS_MUCH_BETTER
-    lead_s = float(leads[best]) * signals.period_s
+    late_s = float(leads[best]) * signals.period_s
     least_s = max(LEAST_S, LEAST_SAMPLES * signals.period_s)
-    if lead_s < least_s or left[best] > limit * left[0]:
+    if late_s < least_s or left[best] > limit * left[0]:
         return None
     if best == len(leads) - 1:  # slow feedback, or a wave
         return None
     if min(later_left, _left_by_leads(signals, rows, later_ones).min()) <= left[best]:
         return None  # a later one does as well: of a wave, any period may seem to
-    return (
-        f"the motion answers to the command {1e3 * lead_s:.3g} ms before it was recorded "
-        f"(this leaves {100.0 * left[best] / left[0]:.0f} % of the squared residual): where the "
-        f"column is late, give the command late_s: {lead_s:.3g} in the description"
+    recorded, earlier = (_unexplained(signals, rows, lead) for lead in (0, int(leads[best])))
+    if earlier >= recorded:
+        return None  # seen by one of two regressions: noise of the acceleration
+    return LateColumn(late_s, float(left[best] / left[0]), signals.band_hz)
+
+
+def _unexplained(signals: Signals, rows: Array, lead: int) -> float:
+    """Return the part of the command's variance that acceleration and model leave, at a lead."""
+    (command,) = signals.filtered([_earlier(s.command, lead)[None] for s in signals.stretches])
+    X = np.vstack([rows[1:], np.ones_like(command)[None]]).T
+    rest = command - X @ np.linalg.lstsq(X, command, rcond=None)[0]
+    return float(np.var(rest) / max(float(np.var(command)), 1e-300))
+
+
+def _in_band(heard: Hypothesis, band_hz: float) -> Hypothesis:
+    """Return a hypothesis over the same rows in a narrower band."""
+    every = heard.regressors
+    plain = every.signals.plain(band_hz)
+    regressors = Regressors(plain, every.declared, every.blocks, every.side, every.catalogue)
+    return Hypothesis(regressors, heard.added).refreshed()
+
+
+def _left_later(signals: Signals, rows: Array) -> float:
+    """Return the least that a command later by whole rows leaves, infinity in a short recording."""
+    return min(
+        (_left_row(rows, -lead) for lead in range(1, _longest(signals, rows) + 1)), default=np.inf
     )
 
 
-def _far_lead(signals: Signals, rows: Array) -> tuple[Leads, float] | None:
-    """Return leads around the far one that leaves least, and what any later command leaves.
+def _left_row(rows: Array, lead: int) -> float:
+    """Return what a command so many rows earlier leaves: those are filtered already."""
+    return _left(_earlier(rows[0], lead), rows)
 
-    By whole rows, whose signals are filtered already; None where no far one leaves little enough.
-    """
-    end = min(round(LONGEST_S / signals.row_period_s), rows.shape[1] // SHIFTED)
+
+def _longest(signals: Signals, rows: Array) -> int:
+    """Return by how many rows a command is shifted at most."""
+    return int(min(round(LONGEST_S / signals.row_period_s), rows.shape[1] // SHIFTED))
+
+
+def _far_lead(signals: Signals, rows: Array) -> Leads | None:
+    """Return leads around the far one that leaves least; None where that is not little enough."""
+    end = _longest(signals, rows)
     if end < 2:
         return None
-
-    def left(lead: int) -> float:
-        return _left(_earlier(rows[0], lead), rows)
-
-    earlier = np.array([left(lead) for lead in range(end + 1)])
+    earlier = np.array([_left_row(rows, lead) for lead in range(end + 1)])
     best = int(np.argmin(earlier))
     if best in (0, end) or earlier[best] > FITS_MUCH_BETTER * earlier[0]:
         return None
     step, d = max(1, round(STEP_S / signals.period_s)), signals.decimation
     around = np.arange((best - 1) * d, (best + 1) * d + 1, step)
-    return around[around > 0], min(left(-lead) for lead in range(1, end + 1))
+    return around[around > 0]
 
 
-def beside_found(heard: Hypothesis, found: Sequence[Effect]) -> Hypothesis:
-    """Return the declared model with what was found beside it that does not filter the command.
+def late_beside(
+    heard: Hypothesis, found: Sequence[Effect], band_hz: float, late: LateColumn | None
+) -> LateColumn | None:
+    """Return how late a command column still is beside what was found; None where it is not.
 
-    What is still to be explained may look late by chance. A lag, a delay or a resonance may
-    themselves be found for a column that is late.
+    What is still to be explained may look late by chance: it does where what was found leaves less
+    than a late column would. A lag, a delay or a resonance may themselves be found for a column
+    that is late, so nothing counts that filters the command. Of two times the one that leaves less
+    counts: what was found in a late column is bent by that.
 
     Parameters
     ----------
-    heard
-        The declared model over the band in which motion outweighs noise.
+    heard, band_hz
+        As of `late_command`.
     found
-        The effects that it lacks.
+        The effects that the declared model lacks.
+    late
+        What was told without them.
     """
     kept = [e for e in found if e.kind == "state" and "resonance" not in e.groups]
-    return Hypothesis(heard.regressors, tuple(kept)).refreshed() if kept else heard
+    beside = Hypothesis(heard.regressors, tuple(kept)).refreshed() if kept else heard
+    again = late_command(beside, band_hz)
+    if late is None:
+        return again
+    if again is None:
+        without, left = (_in_band(model, late.band_hz) for model in (heard, beside))
+        return late if late.left * _recorded(without) < _recorded(left) else None
+    return min(late, again, key=lambda each: each.left)
+
+
+def _recorded(model: Hypothesis) -> float:
+    """Return the squared acceleration that a model leaves with the command as it was recorded."""
+    rows = model.problem.joined(model.regressors.signals.rows)
+    return _left(rows[0], rows)
 
 
 def read_between(data: Measured, heard: Hypothesis) -> tuple[Measured, str | None]:

@@ -15,6 +15,8 @@ from motorctl.identify.columns.signals import Signals, make_signals
 from motorctl.identify.diagnose.search.held_out_blocks import make_blocks
 from motorctl.identify.diagnose.search.hypothesis import Hypothesis, Regressors
 from motorctl.identify.diagnose.verdict.driven_motion import (
+    BAND_STEP,
+    NARROWEST_HZ,
     above_noise,
     command_changes,
     moved_by,
@@ -53,6 +55,18 @@ MOVED_ENOUGH = 0.2
 explain where the command explains little of the acceleration. Larger refuses loaded joints, smaller
 lets wrong columns pass. Chosen by hand: joints of real arms have 0.28 to 0.99, the command of
 another joint less than 0."""
+NARROWER_ENOUGH = 0.5
+"""The same in a narrower band, where nothing is explained in the one in which the motion outweighs
+the encoder's noise. Larger refuses machines that shake, smaller lets wrong columns pass, as slow
+motions are more alike. Chosen by hand: a pendulum whose frame shook had 0.05 below 50 Hz and 0.99
+below 8 Hz."""
+NEARLY_ALL = 0.95
+"""Part of what the best of these bands explains that the widest one taken must. Larger narrows it
+for nothing, smaller keeps the shaking. Chosen by hand."""
+BEYOND_RESONANCE = 2.0
+"""Such a band over a resonance through which the command may drive the position instead, at least.
+Larger takes a pendulum's own swing for one, smaller drops springs that are there. Chosen by hand:
+beyond a spring's resonance the far side hardly answers."""
 WAVES_ENOUGH = 0.5
 """The same that waves over position must explain beside these, where nothing else does: a motor's
 cogging in slow motion. Larger refuses weak cogging, smaller lets wrong columns pass: six waves have
@@ -205,6 +219,46 @@ def check_explains(
             plain,
         )
     return hypothesis
+
+
+def explained_below(
+    data: Measured, plain: Signals, model: EffectList, resonance_hz: float
+) -> Hypothesis | None:
+    """Return the declared model in a narrower band in which the command drives the motion, or None.
+
+    What shakes a machine, or noise that its encoder does not tell, may hide in a wide band that it
+    does: the acceleration's noise grows faster with the band than anything else.
+
+    Parameters
+    ----------
+    data
+        The axis, as measured.
+    plain
+        Its rows in the band in which nothing was explained.
+    model
+        The declared effects.
+    resonance_hz
+        Through which the command may drive it instead, 0 where none: no band is asked that does not
+        reach beyond, as below it such a machine moves as one.
+
+    Raises
+    ------
+    DataError
+        The command drives it in the other direction.
+    """
+    tried = []
+    band_hz = BAND_STEP * plain.band_hz
+    while band_hz >= max(NARROWEST_HZ, BEYOND_RESONANCE * resonance_hz):
+        narrower = plain.plain(band_hz)
+        tried.append((*moved_by(narrower), narrower))
+        band_hz *= BAND_STEP
+    best = max((share for share, *_ in tried), default=0.0)
+    if best < NARROWER_ENOUGH:
+        return None
+    _, backwards, narrower = next(each for each in tried if each[0] >= NEARLY_ALL * best)
+    if backwards:
+        raise DataError(_reversed(data))
+    return _declared_in(narrower, model)[0]
 
 
 def _check_sign_of_slow(data: Measured) -> None:
