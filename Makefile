@@ -27,8 +27,8 @@ test: $(STAMP)
 	$(BIN)/python -m pytest -m 'not slow and wall_clock and not wall_clock(lanes=3)' || test $$? -eq 5  # 5: there is none
 
 test-slow: $(STAMP)
-	$(BIN)/python -m pytest -n auto --dist worksteal -m 'slow and not wall_clock and not long'
-	$(BIN)/python -m pytest -n 3 --dist worksteal -m 'slow and wall_clock(lanes=3) and not long'
+	$(BIN)/python -m pytest --durations 20 -n auto --dist worksteal -m 'slow and not wall_clock and not long'
+	$(BIN)/python -m pytest --durations 20 -n 3 --dist worksteal -m 'slow and wall_clock(lanes=3) and not long'
 	$(BIN)/python -m pytest -m 'slow and wall_clock and not wall_clock(lanes=3) and not long'
 
 # What `test-slow` promises, over every machine, kind and number that there is: before a release.

@@ -427,7 +427,7 @@ def make_signals(
                     "without a gap begins or ends, which smoothing needs, and at least "
                     f"{FEWEST_ROWS} are needed: record from before a move until after it"
                 )
-            part = 100.0 * (1.0 - moving / enough)
+            part = 100.0 * (1.0 - everywhere / sum(len(used) for used in kept))
             raise DataError(
                 f"{data.place}: too little motion: it moves over {moved:.3g} {data.position_unit}, "
                 f"but rests {part:.0f} % of the time: in motion are {moving} of {enough} rows "
