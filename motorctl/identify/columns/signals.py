@@ -440,15 +440,16 @@ def make_signals(
             "record a larger or faster motion"
         )
     if enough < FEWEST_ROWS:
-        lengths = [rows.stop - rows.start for rows in data.stretches(1)]
-        longest, whole_s = max(lengths, default=0), sum(lengths) / rate
+        longest = max((rows.stop - rows.start for rows in data.stretches(1)), default=0)
+        whole_s = sum(rows.stop - rows.start for rows in data.stretches(shortest)) / rate
         raise DataError(
             f"{data.place}: no stretch of moving samples reaches {shortest / rate:.3g} s without "
             f"a gap, the longest lasts {longest / rate:.3g} s: record a longer motion"
             if longest < shortest
-            else f"{data.place}: {whole_s:.3g} s leave {enough} rows below {band:.3g} Hz, as "
-            f"smoothing takes {2.0 * trim * row_s:.2g} s of each stretch without a gap, and at "
-            f"least {FEWEST_ROWS} are needed: record a longer motion, or fewer gaps"
+            else f"{data.place}: stretches without a gap that are long enough, {whole_s:.3g} s, "
+            f"leave {enough} rows below {band:.3g} Hz, as smoothing takes "
+            f"{2.0 * trim * row_s:.2g} s of each, and at least "
+            f"{FEWEST_ROWS} are needed: record a longer motion, or fewer gaps"
         )
     return Signals(
         data=data,

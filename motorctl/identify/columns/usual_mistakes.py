@@ -43,9 +43,9 @@ smaller misses them where the axis follows softly. Chosen by hand."""
 WORDS = (16, 32)
 """Bits of the numbers whose sign may be lost. Smaller ones are left out, as a duty cycle of 0 and
 255 is one that switches; larger ones no number here holds exactly. Arithmetic."""
-EITHER_SIGN = 0.005
-"""Part of the rows that must lie on either side of zero. Larger misses commands that act one way
-nearly always, smaller takes a few damaged values for signs. Chosen by hand."""
+FEWEST_VALUES = 20
+"""Different values at both ends together. Larger misses small commands, smaller takes a switch that
+is read back with noise for lost signs. Chosen by hand: a converter's noise has some."""
 ON_GRID = 1e-3
 """Steps by which a value of whole numbers may be off. Larger takes any column for whole numbers,
 smaller trips over what a unit's factor rounds. Chosen by hand."""
@@ -58,7 +58,7 @@ def check_columns(data: Measured, declared: EffectList | None = None) -> None:
     declared model has a force of the position.
     """
     check_encoder(data)
-    _check_lost_sign(data)
+    check_signs(data)
     with np.errstate(all="ignore"):  # nothing is claimed of what is no number
         _check_reference(data)
         if declared is None or not has_spring(declared):
@@ -70,32 +70,32 @@ def has_spring(declared: EffectList) -> bool:
     return any("force_of_position" in effect.groups for effect in declared.effects)
 
 
-def _check_lost_sign(data: Measured) -> None:
-    """Find a command whose negative values stand there as large positive ones.
+def check_signs(data: Measured) -> None:
+    """Raise DataError where a command's negative values stand there as large positive ones.
 
-    As of -1 read as 65535: whole numbers at both ends of their range, and nothing in its middle.
+    As of -1 read as 65535: whole numbers, many of them at both ends of their range, and nothing in
+    the middle.
     """
     values = np.unique(data.command[data.usable])
     low = values[values < 0.5 * values[-1]]
-    if len(low) < 2 or not values[0] >= 0.0:
+    if len(low) < 2 or len(values) < FEWEST_VALUES or not values[0] >= 0.0:
         return
-    step = float(np.diff(low).min())
-    step = low[-1] / np.round(low[-1] / step)
-    counts = values / step
-    if np.abs(counts - np.round(counts)).max() > ON_GRID:
+    with np.errstate(all="ignore"):  # nothing is claimed of what is no number
+        step = float(np.diff(low).min())
+        step = float(low[-1] / np.round(low[-1] / step))
+        counts = values / step
+    if not np.isfinite(counts).all() or np.abs(counts - np.round(counts)).max() > ON_GRID:
         return
-    command = data.command[data.usable] / step
     for bits in WORDS:
         whole = 2.0**bits
-        high = command > 0.75 * whole
-        if counts[-1] >= whole or np.any((command > 0.25 * whole) & ~high):
-            continue
-        if EITHER_SIGN <= float(np.mean(high)) <= 1.0 - EITHER_SIGN:
+        between = (counts > 0.25 * whole) & (counts <= 0.75 * whole)
+        if 0.75 * whole < counts[-1] < whole and not between.any():
+            unit = data.command_unit
             raise DataError(
-                f"{data.place}: the command has values from {values[0]:.4g} to "
-                f"{values[-1]:.4g} {data.command_unit}, {bits}-bit numbers at both ends of their "
-                "range and none between: negative ones were read as large positive ones; write "
-                f"the column with its signs (above {whole / 2.0 - 1.0:.0f} take {whole:.0f} off)"
+                f"{data.place}: the command has values from {values[0]:.4g} to {values[-1]:.4g} "
+                f"{unit}, {bits}-bit numbers at both ends of their range and none between, as "
+                "where negative ones were read without a sign. Write the column with its signs: "
+                f"take {whole * step:.9g} {unit} off what is above {0.5 * whole * step:.4g}"
             )
 
 

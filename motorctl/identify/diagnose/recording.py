@@ -22,7 +22,7 @@ from motorctl.identify.columns.measured import (
 )
 from motorctl.identify.columns.pieces import shortened, without
 from motorctl.identify.columns.signals import make_signals
-from motorctl.identify.columns.usual_mistakes import check_columns
+from motorctl.identify.columns.usual_mistakes import check_columns, check_signs
 from motorctl.identify.diagnose.freed_memory import give_freed_memory_back
 from motorctl.identify.diagnose.result import AxisDiagnosis, RecordingDiagnosis
 from motorctl.identify.diagnose.search.both_sides import searched
@@ -175,6 +175,7 @@ def diagnose_axis(
     if "fit" in parts:
         data = within(data, list(parts.values()))
     check_usable(data)
+    check_signs(data)  # before means are taken over the rows of a slow sensor
     data, held = without_held(data)
     if test is not None:
         test, _ = without_held(test)
@@ -206,12 +207,16 @@ def diagnose_axis(
         try:
             if far is not None:
                 signals = pieces = make_signals(data, far.together_hz, slope)
-        except DataError:  # too slow a spring for so short a recording: what is said is the rest
+            if below is not None:
+                make_signals(data, below.regressors.signals.band_hz, slope)
+        except DataError:  # too slow for so short a recording: what is said is the rest
             raise unexplained from None
         heard = below or check_explains(data, pieces, model, bool(plain) or held_back, data.others)
     if not plain:
         plain = check_no_set_point(heard.regressors.signals, declared)
     band_hz = motion_band_hz(heard, signals.band_hz)
+    if below is not None:
+        band_hz = min(band_hz, below.regressors.signals.band_hz)
     late = at_first = None if far else late_command(heard, band_hz)
     data, read = read_between(data, heard)
     if band_hz < signals.band_hz or read:

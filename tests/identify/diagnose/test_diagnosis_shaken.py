@@ -12,6 +12,7 @@ from scipy.integrate import solve_ivp
 from motorctl.errors import DataError
 from motorctl.identify.columns.measured import Measured
 from motorctl.identify.columns.signals import make_signals
+from motorctl.identify.diagnose import recording
 from motorctl.identify.diagnose.recording import diagnose_axis
 from motorctl.identify.diagnose.verdict.late_command import late_command
 from motorctl.identify.diagnose.verdict.recording_mistakes import (
@@ -86,12 +87,52 @@ def test_the_command_of_another_axis_is_refused_in_each_band(other):
     assert explained_below(data, refused(data).plain, C1, 0.0) is None
 
 
-def test_a_swing_of_its_own_is_no_spring_that_the_command_drives_through():
-    """A weight is one, at 1.1 Hz; a spring between would leave nothing above to be explained."""
-    plain = refused(pendulum()).plain
-    below = explained_below(pendulum(), plain, C1, resonance_hz=1.1)
+@pytest.mark.parametrize("resonance_hz", [1.1, 5.0])
+def test_no_band_below_a_resonance_counts(resonance_hz):
+    """A weight swings at 1.1 Hz; below a spring's resonance any machine moves as one."""
+    below = explained_below(pendulum(), refused(pendulum()).plain, C1, resonance_hz)
     assert below is not None
-    assert below.regressors.signals.band_hz > 2.0 * 1.1
+    assert below.regressors.signals.band_hz >= 2.0 * resonance_hz
+    assert explained_below(pendulum(), refused(pendulum()).plain, C1, resonance_hz=20.0) is None
+
+
+def test_two_slow_motions_that_have_nothing_to_do_with_each_other_are_refused():
+    rng = np.random.default_rng(0)
+    hz = np.fft.rfftfreq(len(TIME_S), 1.0 / RATE_HZ)
+    slow = np.fft.rfft(rng.standard_normal((16, len(TIME_S))))
+    slow[:, hz > 0.3] = 0.0
+    columns = np.fft.irfft(slow, len(TIME_S))
+    columns /= columns.std(axis=1, keepdims=True)
+    shakes = pendulum().position - pendulum(0.0).position
+    unexplained = []
+    for position, command in columns.reshape(8, 2, -1):
+        data = replace(pendulum(), position=0.3 * position + 3.0 * shakes, command=command)
+        try:
+            check_explains(data, make_signals(data), C1)
+        except UnexplainedMotionError as error:
+            unexplained.append((data, error.plain))
+        except DataError:  # told by something else
+            continue
+    assert unexplained
+    assert [explained_below(data, plain, C1, 0.0) for data, plain in unexplained] == [
+        None for _ in unexplained
+    ]
+
+
+def test_what_was_explained_in_a_narrow_band_is_searched_there(monkeypatch):
+    bands = []
+
+    def searched(signals, *rest):
+        bands.append(signals.band_hz)
+        raise DataError("enough")
+
+    monkeypatch.setattr(recording, "searched", searched)
+    data = pendulum()
+    with pytest.raises(DataError, match="enough"):
+        diagnose_axis(data, C1)
+    below = explained_below(data, refused(data).plain, C1, 0.0)
+    assert below is not None
+    assert bands == [pytest.approx(below.regressors.signals.band_hz)]
 
 
 @pytest.mark.parametrize("late_rows", [0, 5, 15])

@@ -38,6 +38,9 @@ FITS_MUCH_BETTER = 0.6
 """The same where the lateness is no near one, which slow feedback imitates. Nearer to 1 suspects
 sound recordings, smaller misses late columns. Chosen by hand: of 91 sound real axes none is told,
 an arm's joint with a current that is 115 and 190 ms late has 0.3."""
+TINY = 1e-300
+"""Variance of a command that does nothing: keeps divisions whole. Any other would do that is below
+every signal's and above zero. Convention."""
 SHIFTED = 4
 """The command is shifted by one row in so many, at most. Larger misses late columns of short
 motion, smaller compares a few rows. Chosen by hand."""
@@ -45,17 +48,21 @@ motion, smaller compares a few rows. Chosen by hand."""
 
 @dataclass(frozen=True)
 class LateColumn:
-    """How late a command was recorded, how much of the squared residual that leaves, and where."""
+    """How late a command was recorded, and what squared residual that leaves, in which band."""
 
     late_s: float
     left: float
+    """Squared acceleration that the earlier command leaves."""
+    recorded: float
+    """What the one leaves that was recorded."""
     band_hz: float
 
     def told(self) -> str:
         """Return a hint that tells of it."""
+        part = 100.0 * self.left / self.recorded
         return (
             f"the motion answers to the command {1e3 * self.late_s:.3g} ms before it was recorded "
-            f"(this leaves {100.0 * self.left:.0f} % of the squared residual): where the "
+            f"(this leaves {part:.0f} % of the squared residual): where the "
             f"column is late, give the command late_s: {self.late_s:.3g} in the description"
         )
 
@@ -99,18 +106,23 @@ def _late(heard: Hypothesis, near_limit: float) -> LateColumn | None:
         return None
     if min(later_left, _left_by_leads(signals, rows, later_ones).min()) <= left[best]:
         return None  # a later one does as well: of a wave, any period may seem to
-    recorded, earlier = (_unexplained(signals, rows, lead) for lead in (0, int(leads[best])))
+    of_command = {effect.name for effect in heard.of_kind("input")}
+    motion = rows[[k for k, name in enumerate((*heard.names, "")) if k and name not in of_command]]
+    recorded, earlier = (_unexplained(signals, motion, lead) for lead in (0, int(leads[best])))
     if earlier >= recorded:
         return None  # seen by one of two regressions: noise of the acceleration
-    return LateColumn(late_s, float(left[best] / left[0]), signals.band_hz)
+    return LateColumn(late_s, float(left[best]), float(left[0]), signals.band_hz)
 
 
-def _unexplained(signals: Signals, rows: Array, lead: int) -> float:
-    """Return the part of the command's variance that acceleration and model leave, at a lead."""
+def _unexplained(signals: Signals, motion: Array, lead: int) -> float:
+    """Return the part of the command's variance that the motion leaves, at a lead.
+
+    Effects of the command itself would explain it as it was recorded, whenever it acted.
+    """
     (command,) = signals.filtered([_earlier(s.command, lead)[None] for s in signals.stretches])
-    X = np.vstack([rows[1:], np.ones_like(command)[None]]).T
+    X = np.vstack([motion, np.ones((1, len(command)))]).T
     rest = command - X @ np.linalg.lstsq(X, command, rcond=None)[0]
-    return float(np.var(rest) / max(float(np.var(command)), 1e-300))
+    return float(np.var(rest) / max(float(np.var(command)), TINY))
 
 
 def _in_band(heard: Hypothesis, band_hz: float) -> Hypothesis:
@@ -159,8 +171,8 @@ def late_beside(
 
     What is still to be explained may look late by chance: it does where what was found leaves less
     than a late column would. A lag, a delay or a resonance may themselves be found for a column
-    that is late, so nothing counts that filters the command. Of two times the one that leaves less
-    counts: what was found in a late column is bent by that.
+    that is late, so nothing counts that filters the command. Of two times in one band the one that
+    leaves less counts: what was found in a late column is bent by that.
 
     Parameters
     ----------
@@ -172,20 +184,18 @@ def late_beside(
         What was told without them.
     """
     kept = [e for e in found if e.kind == "state" and "resonance" not in e.groups]
-    beside = Hypothesis(heard.regressors, tuple(kept)).refreshed() if kept else heard
+    if not kept:
+        return late or late_command(heard, band_hz)
+    beside = Hypothesis(heard.regressors, tuple(kept)).refreshed()
     again = late_command(beside, band_hz)
     if late is None:
         return again
-    if again is None:
-        without, left = (_in_band(model, late.band_hz) for model in (heard, beside))
-        return late if late.left * _recorded(without) < _recorded(left) else None
-    return min(late, again, key=lambda each: each.left)
-
-
-def _recorded(model: Hypothesis) -> float:
-    """Return the squared acceleration that a model leaves with the command as it was recorded."""
-    rows = model.problem.joined(model.regressors.signals.rows)
-    return _left(rows[0], rows)
+    if again is not None and again.band_hz == late.band_hz:
+        return min(late, again, key=lambda each: each.left)
+    in_band = _in_band(beside, late.band_hz)
+    rows = in_band.problem.joined(in_band.regressors.signals.rows)
+    (left,) = _left_by_leads(in_band.regressors.signals, rows, np.zeros(1, np.int64))
+    return late if late.left < left else again
 
 
 def read_between(data: Measured, heard: Hypothesis) -> tuple[Measured, str | None]:
