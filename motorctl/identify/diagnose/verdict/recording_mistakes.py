@@ -63,7 +63,7 @@ below 8 Hz."""
 NEARLY_ALL = 0.95
 """Part of what the best of these bands explains that the widest one taken must. Larger narrows it
 for nothing, smaller keeps the shaking. Chosen by hand."""
-FEWEST_TURNS = 12
+FEWEST_TURNS = 8
 """Changes of the command's side in such a band. Larger refuses short motions, smaller takes two
 slow motions that have nothing to do with each other for cause and effect. Chosen by hand: of
 commands that were made up with 6 turns, 7 of 24 explained a half."""
