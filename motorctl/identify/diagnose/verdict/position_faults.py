@@ -85,14 +85,14 @@ def without_stuck(data: Measured) -> tuple[Measured, str | None]:
         return data, None
     usual = float(np.std(data.command[moving]))
     runs = [data.command[rows] for rows in replace(data, usable=moving).stretches(FEWEST_SAMPLES)]
-    swings = sum(_swings(run, data.period_s) for run in runs)
-    if usual == 0.0 or swings == 0:
+    moving_swings = sum(swings(run, data.period_s) for run in runs)
+    if usual == 0.0 or moving_swings == 0:
         return data, None
-    between_s = sum(len(run) for run in runs) * data.period_s / swings
+    between_s = sum(len(run) for run in runs) * data.period_s / moving_swings
     usable, told = data.usable.copy(), []
     for part in parts:
         command = data.command[part]
-        spread, count = float(np.std(command)), _swings(command, data.period_s)
+        spread, count = float(np.std(command)), swings(command, data.period_s)
         lasts_s = len(command) * data.period_s
         if spread < AS_WIDE * usual or count == 0 or lasts_s < AS_SLOW * between_s * count:
             continue
@@ -122,7 +122,7 @@ def _still(data: Measured) -> Iterator[slice]:
                 yield slice(int(start), int(stop))
 
 
-def _swings(command: Array, period_s: float) -> int:
+def swings(command: Array, period_s: float) -> int:
     """Count how often a command passes from one side of its mean to the other."""
     smooth = uniform_filter1d(command, max(1, round(SMOOTHED_S / period_s)), mode="nearest")
     aside = smooth - smooth.mean()

@@ -23,7 +23,11 @@ from motorctl.identify.diagnose.verdict.driven_motion import (
     noise_sse,
     waves_explain,
 )
-from motorctl.identify.diagnose.verdict.position_faults import drowned_in_steps, jumps_told
+from motorctl.identify.diagnose.verdict.position_faults import (
+    drowned_in_steps,
+    jumps_told,
+    swings,
+)
 from motorctl.model import EffectList
 
 Array = NDArray[np.float64]
@@ -63,10 +67,10 @@ below 8 Hz."""
 NEARLY_ALL = 0.95
 """Part of what the best of these bands explains that the widest one taken must. Larger narrows it
 for nothing, smaller keeps the shaking. Chosen by hand."""
-FEWEST_TURNS = 8
-"""Changes of the command's side in such a band. Larger refuses short motions, smaller takes two
-slow motions that have nothing to do with each other for cause and effect. Chosen by hand: of
-commands that were made up with 6 turns, 7 of 24 explained a half."""
+FEWEST_SWINGS = 8
+"""Swings of the command, in such a band, from one side of its mean to the other. Larger refuses
+short motions, smaller takes two slow motions that have nothing to do with each other for cause and
+effect. Chosen by hand: of commands that were made up with 6 swings, 7 of 24 explained a half."""
 BEYOND_RESONANCE = 2.0
 """Such a band over a resonance through which the command may drive the position instead, at least.
 Larger takes a pendulum's own swing for one, smaller drops springs that are there. Chosen by hand:
@@ -260,7 +264,8 @@ def explained_below(
     if best < NARROWER_ENOUGH:
         return None
     _, backwards, narrower = next(each for each in tried if each[0] >= NEARLY_ALL * best)
-    if _turns(narrower) < FEWEST_TURNS:
+    (command,) = narrower.filtered([s.command[None] for s in narrower.stretches])
+    if swings(command, narrower.row_period_s) < FEWEST_SWINGS:
         return None
     if backwards:  # said of a selection, it must hold of the whole recording
         _, backwards = moved_by(make_signals(data).plain(narrower.band_hz))
@@ -268,14 +273,6 @@ def explained_below(
             return None
         raise DataError(_reversed(data))
     return _declared_in(narrower, model)[0]
-
-
-def _turns(signals: Signals) -> int:
-    """Count how often the command, in the band of the rows, passes from one side to the other."""
-    commands = signals.filtered([s.command[None] for s in signals.stretches])[0]
-    aside = commands - commands.mean()
-    side = np.sign(aside[np.abs(aside) > aside.std()])
-    return int(np.count_nonzero(np.diff(side)))
 
 
 def _check_sign_of_slow(data: Measured) -> None:
