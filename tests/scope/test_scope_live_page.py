@@ -19,7 +19,7 @@ import motorctl
 pytestmark = [pytest.mark.slow, pytest.mark.wall_clock, pytest.mark.bears_pauses]
 
 X = "#b5482e"
-CONFIG = bench_config("shuttle").replace("supervisor_timeout_s: 2", "supervisor_timeout_s: 10")
+CONFIG = bench_config("shuttle")
 WAIT_S = 60.0
 
 

@@ -30,7 +30,8 @@ from motorctl.log.sample import AxisState, SampleFlag
 pytestmark = pytest.mark.wall_clock(lanes=3)
 
 RATE_HZ = 400
-IMPATIENT = bench_config("shuttle").replace("supervisor_timeout_s: 2", "supervisor_timeout_s: 0.5")
+IMPATIENT = bench_config("shuttle", supervisor_timeout_s=0.5)
+PATIENT = bench_config("shuttle", supervisor_timeout_s=2.0)
 """The axis is still on its first way when the loop misses its supervisor."""
 FEW = ("serial exchange", "canopen")
 FEW_AND_LONG = [bus if bus in FEW else pytest.param(bus, marks=pytest.mark.long) for bus in BUSES]
@@ -67,7 +68,7 @@ def start_anew(daemon: Daemon) -> str:
 def test_loop_and_supervisor_killed_at_once_lose_no_row_and_the_next_start_tells(
     tmp_path: Path,
 ) -> None:
-    with Daemon(tmp_path, bench_config("shuttle")) as daemon:
+    with Daemon(tmp_path, PATIENT) as daemon:
         moving(daemon)
         time.sleep(1.0)
         pid = loop_pid(daemon)
@@ -93,7 +94,7 @@ def test_loop_and_supervisor_killed_at_once_lose_no_row_and_the_next_start_tells
 def test_a_supervisor_killed_with_what_makes_its_closed_logs_loses_no_row_and_the_next_start_tells(
     tmp_path: Path,
 ) -> None:
-    with Daemon(tmp_path, bench_config("shuttle")) as daemon:
+    with Daemon(tmp_path, PATIENT) as daemon:
         closed, converter, loop, ticks = moving_while_a_log_is_made(daemon)
         os.kill(daemon.process.pid, signal.SIGKILL)
         os.kill(converter, signal.SIGKILL)
@@ -115,7 +116,7 @@ def test_a_supervisor_killed_with_what_makes_its_closed_logs_loses_no_row_and_th
 def test_a_loop_killed_with_what_makes_closed_logs_ends_the_daemon_which_makes_them_itself(
     tmp_path: Path,
 ) -> None:
-    with Daemon(tmp_path, bench_config("shuttle")) as daemon:
+    with Daemon(tmp_path, PATIENT) as daemon:
         _, converter, loop, ticks = moving_while_a_log_is_made(daemon)
         os.kill(loop, signal.SIGKILL)
         os.kill(converter, signal.SIGKILL)
@@ -202,7 +203,7 @@ def test_whatever_moment_it_is_killed_at_a_log_ends_less_than_a_second_before(
     """The supervisor alone, or the loop with it; the next start makes a log of what is left."""
     random = np.random.default_rng(1)
     ticks_at_kill = []
-    with Daemon(tmp_path, bench_config("shuttle")) as daemon:
+    with Daemon(tmp_path, PATIENT) as daemon:
         for kill in range(kills):
             moving(daemon)
             time.sleep(random.uniform(0.0, 2.0))
@@ -303,7 +304,7 @@ def test_a_supervisor_that_pauses_for_less_than_its_limit_costs_nothing(tmp_path
 def test_a_loop_that_stands_still_for_less_than_its_limit_trips_what_it_led_and_jolts_nothing(
     tmp_path: Path,
 ) -> None:
-    with Daemon(tmp_path, bench_config("shuttle")) as daemon:
+    with Daemon(tmp_path, PATIENT) as daemon:
         moving(daemon)
         pid = loop_pid(daemon)
         os.kill(pid, signal.SIGSTOP)
@@ -331,7 +332,9 @@ def test_a_loop_that_stands_still_for_less_than_its_limit_trips_what_it_led_and_
 def test_an_edited_configuration_changes_nothing_until_the_next_start_which_says_what_changed(
     tmp_path: Path,
 ) -> None:
-    with Daemon(tmp_path, bench_config("shuttle", keep_learned=True)) as daemon:
+    with Daemon(
+        tmp_path, bench_config("shuttle", keep_learned=True, supervisor_timeout_s=2.0)
+    ) as daemon:
         moving(daemon)
         ran = daemon.config.read_text()
         edited = ran.replace("ks_v_s_m: 30", "ks_v_s_m: 31")
