@@ -471,10 +471,10 @@ def test_a_speed_that_a_drive_was_sent_to_is_not_taken_for_what_drives_it(run):
 @pytest.mark.parametrize("declared", ["C1", "C2"])
 def test_a_late_command_is_told_beside_declared_effects_of_the_command(run, declared):
     """They would explain the command as it was recorded, whenever it acted."""
-    late = round(8e-3 * run.sample_rate_hz)
-    command = np.concatenate([np.full(late, run.command[0]), run.command[:-late]]) + 5.0
+    late = round(12e-3 * run.sample_rate_hz)
+    command = np.concatenate([np.full(late, run.command[0]), run.command[:-late]]) + 20.0
     data = replace(run, command=command)
     model = {"C1": C1, "C2": C2}[declared]
     told = late_command(check_explains(data, make_signals(data, slope_s_m=900.0), model))
     assert told is not None
-    assert told.late_s == pytest.approx(8e-3, abs=6e-4)
+    assert told.late_s == pytest.approx(12e-3, abs=6e-4)
