@@ -76,9 +76,12 @@ def check_signs(data: Measured) -> None:
     As of -1 read as 65535: whole numbers, many of them at both ends of their range, and nothing in
     the middle.
     """
-    values = np.unique(data.command[data.usable])
+    command = data.command[data.usable]
+    if not command.min() >= 0.0:  # as of most, which need no sorting then
+        return
+    values = np.unique(command)
     low = values[values < 0.5 * values[-1]]
-    if len(low) < 2 or len(values) < FEWEST_VALUES or not values[0] >= 0.0:
+    if len(low) < 2 or len(values) < FEWEST_VALUES:
         return
     with np.errstate(all="ignore"):  # nothing is claimed of what is no number
         step = float(np.diff(low).min())

@@ -92,7 +92,7 @@ def _late(heard: Hypothesis, near_limit: float) -> LateColumn | None:
     leads = np.arange(0, near + 1, step)
     left = _left_by_leads(signals, rows, leads)
     best, limit = int(np.argmin(left)), near_limit
-    later_ones, later_left = -leads[1:], _left_later(signals, rows)
+    later_ones = -leads[1:]
     near_one = 0 < best < len(leads) - 1 and left[best] <= near_limit * left[0]
     if not near_one and (around := _far_lead(signals, rows)) is not None:
         leads = np.concatenate([[0], around])
@@ -104,7 +104,8 @@ def _late(heard: Hypothesis, near_limit: float) -> LateColumn | None:
         return None
     if best == len(leads) - 1:  # slow feedback, or a wave
         return None
-    if min(later_left, _left_by_leads(signals, rows, later_ones).min()) <= left[best]:
+    later_left = min(_left_later(signals, rows), _left_by_leads(signals, rows, later_ones).min())
+    if later_left <= left[best]:
         return None  # a later one does as well: of a wave, any period may seem to
     of_command = {effect.name for effect in heard.of_kind("input")}
     motion = rows[[k for k, name in enumerate((*heard.names, "")) if k and name not in of_command]]
