@@ -69,3 +69,13 @@ def pytest_runtest_setup(item: pytest.Item) -> None:
     real_time.note(item)
     if item.get_closest_marker("wall_clock"):
         pauses.begin()
+
+
+def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
+    """Print how tests failed that were begun anew: whatever came of it, somebody should look."""
+    failed: list[pytest.TestReport] = terminalreporter.stats.get("rerun", [])
+    if failed:
+        terminalreporter.section("failed and begun anew")
+    for report in failed:
+        terminalreporter.line(report.nodeid, bold=True)
+        terminalreporter.line(report.longreprtext)

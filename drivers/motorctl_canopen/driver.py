@@ -165,9 +165,9 @@ class CanopenDriver(BusDriver):
         self._exchange.ask()
         common = link.status
         link.passing = 0
-        now_s = time.monotonic()
+        asked_s = self._exchange.asked_s
         for i, node in enumerate(self._nodes):
-            inputs.status[i] = node.status(now_s) | common
+            inputs.status[i] = node.status(asked_s) | common
             inputs.counts[i] = node.shown
 
     def write(self, outputs: Outputs) -> None:

@@ -68,7 +68,9 @@ class Exchange:
         self._quiet_left = 0
         self._until_silence = 0
         self._must_ask = False
-        self._asked_s = 0.0
+        self.asked_s = 0.0
+        """What came before this time has been taken: a silence is one until then, not until now, as
+        in a pause of the loop frames wait."""
         self._history = 0
         self._sent = self._waiting = False
         self._asked = True
@@ -135,13 +137,11 @@ class Exchange:
         else:
             link.passing |= BABBLE
         self._waiting = False
-        if room > 0 and time.monotonic() > deadline + self._period_s:
-            self._drain(room)  # a pause: heartbeats that came meanwhile are no silence
 
     def _remember_periods(self, now_s: float) -> None:
         """Note whether the last period had a SYNC, and which ones the loop skipped since."""
-        passed_s = now_s - self._asked_s
-        self._asked_s = now_s
+        passed_s = now_s - self.asked_s
+        self.asked_s = now_s
         history = self._history << 1 | self._sent
         if passed_s > self._skipped_s:
             history <<= min(max(round(passed_s / self._period_s) - 1, 1), 128)

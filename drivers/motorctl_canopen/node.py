@@ -205,8 +205,11 @@ class Node:
 
     # Once a period.
 
-    def status(self, now_s: float) -> int:
-        """Return the status word of this period, and let the next one begin."""
+    def status(self, asked_s: float) -> int:
+        """Return the status word of this period, and let the next one begin.
+
+        What came before `asked_s` has been taken.
+        """
         word = 0
         if self._operated and self.drive != OPERATING:
             # It was told to go on: whatever state it is in, it has a reason of its own.
@@ -220,7 +223,7 @@ class Node:
         if self.refused:
             word |= CORRUPT
             self.refused = False
-        silent = now_s - self.heard_s > self._silence_s
+        silent = asked_s - self.heard_s > self._silence_s
         if self.booted or silent:
             self._latched |= RESTARTED  # after such a silence nobody knows
         if silent or self.nmt != objects.OPERATIONAL:
