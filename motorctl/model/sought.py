@@ -132,6 +132,25 @@ class Sought(ABC):
         """
         return ()
 
+    @classmethod
+    def ringing_at(cls, line_hz: float, spans: Spans) -> Sequence[Effect]:
+        """Return forms that ring at a line of what is left, tried where a wave over time has one.
+
+        Parameters
+        ----------
+        line_hz
+            The line's frequency [Hz].
+        spans
+            What the recording spans.
+
+        Returns
+        -------
+        sequence of Effect
+            Besides `trials`, which may leave such forms out, as few motions show them; usually
+            empty.
+        """
+        return ()
+
     def steps(self, spans: Spans) -> Mapping[str, float]:
         """Return the options that diagnosis refines.
 
@@ -150,8 +169,8 @@ class Sought(ABC):
     def ranges(self, spans: Spans) -> Mapping[str, tuple[float, float]]:
         """Return between what values options that are refined mean this effect.
 
-        Only for places and times. A size, which is never zero, may leave the range of the forms
-        that are tried by a factor.
+        Only for places and times, and for forms that `trials` leaves out. A size, which is never
+        zero, may leave the range of the forms that are tried by a factor.
 
         Parameters
         ----------

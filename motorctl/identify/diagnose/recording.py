@@ -29,7 +29,11 @@ from motorctl.identify.diagnose.search.both_sides import searched
 from motorctl.identify.diagnose.search.hypothesis import Catalogue
 from motorctl.identify.diagnose.search.motion_band import motion_band_hz
 from motorctl.identify.diagnose.search.search import LONGEST_SEARCH_S, nothing_sought, over_all
-from motorctl.identify.diagnose.search.undetermined import with_determined, without_undetermined
+from motorctl.identify.diagnose.search.undetermined import (
+    with_determined,
+    without_one_way_offset,
+    without_undetermined,
+)
 from motorctl.identify.diagnose.search.whole_model import inertia_of
 from motorctl.identify.diagnose.verdict.assemble import assemble
 from motorctl.identify.diagnose.verdict.driven_motion import too_plain
@@ -221,6 +225,8 @@ def diagnose_axis(
     data, read = read_between(data, heard)
     if band_hz < signals.band_hz or read:
         signals = make_signals(data, band_hz, slope)
+        model, one_way = without_one_way_offset(shortened(signals, LONGEST_SEARCH_S), model)
+        dropped |= one_way
     if plain:
         found = nothing_sought(signals, model)
     else:

@@ -28,6 +28,23 @@ drift of small forces for one. Chosen by hand."""
 SHARP, SHARP_FROM_HZ = 0.02, 8.0
 """Resonances sharper than this are tried from this frequency on [Hz]: slower ones ring too few
 times in a recording to be missed by the broader forms. More takes time. Chosen by hand."""
+SLOW_DAMPING = (0.03, 0.01, 0.003)
+"""Damping ratios of slower resonances, which are tried where something swings: a pendulum that
+carries the axis, or hangs on it. More take time, fewer miss some. Chosen by hand: each is three
+times the next."""
+SLOW_AROUND = (0.8, 1.05)
+"""Parts of the frequency that was seen between which such a resonance is sought: with the carriage
+held still it is slower than it rings. Further apart takes time, closer misses heavy parts. Chosen
+by hand; arithmetic: at 0.8 the part has a third of the inertia."""
+SLOW_BROADEST = 0.06
+"""Damping ratio from which a slow resonance is refuted. Larger takes drift for one, smaller refutes
+parts that swing with friction. Chosen by hand: twice the largest that is tried."""
+SLOW_APART = 1.5
+"""Distance of neighbouring frequencies of slow resonances, in their widths. Larger steps over some,
+smaller takes time. Chosen by hand."""
+LONG_ENOUGH = 6.0
+"""Periods of a slow resonance in the recording, at least. Larger misses slow swings, smaller takes
+the beginning of a motion for one. Chosen by hand."""
 HIGHEST_HZ = 1e6
 """Highest frequency that the option takes and that is tried [Hz]. Larger allows what no machine
 shows, smaller refuses small and stiff parts. Chosen by hand."""
@@ -147,6 +164,33 @@ class FlexibleMode(Effect):
             for zeta, per_decade in GRID
             for frequency in log_grid(low(zeta), high, per_decade)
         ]
+
+    @classmethod
+    def ringing_at(cls, line_hz: float, spans: Spans) -> Sequence[Effect]:
+        """Return sharp resonances about a line below the frequencies of `trials`."""
+        if not LONG_ENOUGH / spans.duration_s <= line_hz < SLOWEST_HZ:
+            return ()
+        low, high = (part * line_hz for part in SLOW_AROUND)
+        forms = []
+        for zeta in SLOW_DAMPING:
+            apart = 1.0 + 2.0 * SLOW_APART * zeta
+            per_decade = math.ceil(1.0 / math.log10(apart))
+            forms += [
+                cls(FlexibleOptions(frequency_hz=frequency, damping_ratio=zeta))
+                for frequency in log_grid(low, high, per_decade)
+            ]
+        return forms
+
+    def ranges(self, spans: Spans) -> Mapping[str, tuple[float, float]]:
+        """Return the ranges of a slow resonance, which stays about its line; none of another."""
+        frequency = self.options.frequency_hz
+        if frequency >= SLOWEST_HZ or self.options.damping_ratio > SLOW_BROADEST:
+            return {}
+        down, _ = SLOW_AROUND
+        return {
+            "frequency_hz": (down * frequency, frequency / down),
+            "damping_ratio": (-SLOW_BROADEST, SLOW_BROADEST),  # a pendulum may have next to none
+        }
 
     def steps(self, spans: Spans) -> Mapping[str, float]:
         """Refine frequency and damping."""

@@ -3,7 +3,14 @@
 from __future__ import annotations
 
 from motorctl.identify.diagnose.search.acceptance import LEAST_GAIN, gain
-from motorctl.identify.diagnose.search.forms import NEAR, Form, all_lines, best_form, refined
+from motorctl.identify.diagnose.search.forms import (
+    NEAR,
+    Form,
+    all_lines,
+    best_form,
+    measure,
+    refined,
+)
 from motorctl.identify.diagnose.search.hypothesis import Hypothesis
 from motorctl.identify.diagnose.search.simpler import simplest_first
 from motorctl.model import Effect, Spans
@@ -43,7 +50,33 @@ def ranked(
     improved = [refined(hypothesis, forms[k], spans) for k in front]
     rest = [form for k, form in enumerate(forms) if k not in front]
     by_error = sorted([*improved, *rest], key=lambda f: f.held_out)
+    by_error = _beside_ringing(hypothesis, by_error, classes, spans)
     return simplest_first(hypothesis, by_error, spans)
+
+
+def _beside_ringing(
+    hypothesis: Hypothesis, forms: list[Form], classes: list[type[Effect]], spans: Spans
+) -> list[Form]:
+    """Return forms, best first, with what rings at the line of a wave over time that leads.
+
+    A part that swings by itself looks like a force from outside of that frequency.
+    """
+    first = forms[0].effect
+    if "wave_over_time" not in first.groups:
+        return forms
+    for cls in classes:
+        tried = [
+            measure(hypothesis, effect)
+            for line in first.lines
+            for effect in cls.ringing_at(line, spans)
+        ]
+        best = min((f for f in tried if f is not None), key=lambda f: f.sse, default=None)
+        if best is not None:
+            found = refined(hypothesis, best, spans)
+            own = [f for f in forms if type(f.effect) is cls]
+            if all(found.held_out < f.held_out for f in own):
+                forms = [found, *(f for f in forms if type(f.effect) is not cls)]
+    return sorted(forms, key=lambda f: f.held_out)
 
 
 def _shown_of_rare_events(hypothesis: Hypothesis, form: Form) -> float:

@@ -52,15 +52,25 @@ def without_undetermined(
     if alone:
         declared = EffectList([e for e in declared.effects if e.name not in alone])
     declared, dropped = _with_bend(signals, declared)
-    declared, mimicked = _with_offset(signals, declared)
+    declared, mimicked = without_one_way_offset(signals, declared)
     return declared, alone | dropped | mimicked
 
 
-def _with_offset(signals: Signals, declared: EffectList) -> tuple[EffectList, dict[str, str]]:
-    """Drop the constant force where the motion is one-way: friction by direction is one there.
+def without_one_way_offset(
+    signals: Signals, declared: EffectList
+) -> tuple[EffectList, dict[str, str]]:
+    """Return the list without a constant force where the motion is one-way, and why.
 
-    Also where all that tells them apart lies in one fold: fitted without it, the two may be as
-    large as they like against each other, and every model is judged by what they make of it.
+    Friction by direction is a constant force there. Also where all that tells them apart lies in
+    one fold: fitted without it, the two may be as large as they like against each other, and every
+    model is judged by what they make of it.
+
+    Parameters
+    ----------
+    signals
+        What is searched: the rows of a narrow band are fewer, and may have lost the other way.
+    declared
+        The effects that the model has.
     """
     names = [basic_effects()[signal].name for signal in ("direction", "one")]
     if not set(names) <= set(declared.names):
