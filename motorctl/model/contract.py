@@ -115,6 +115,9 @@ def check_class(cls: type[Effect], who: str) -> None:
         _check_kernel(cls, kernel, arguments, refuse)
     refuse.asked("trials", lambda: list(cls.trials(ORDINARY)))
     refuse.asked("trials_beyond", lambda: list(cls.trials_beyond(ORDINARY)))
+    ringing = refuse.asked("ringing_at", lambda: list(cls.ringing_at(LINE, ORDINARY)))
+    if not all(isinstance(form, cls) for form in ringing):
+        raise refuse("ringing_at", f"returns {ringing!r}; expected forms of the effect")
     typical = refuse.asked("typical", lambda: cls.typical(ORDINARY))
     if not (typical is None or isinstance(typical, cls)):
         raise refuse("typical", f"returns {typical!r}; expected a form of the effect, or None")

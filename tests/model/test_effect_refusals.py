@@ -98,6 +98,8 @@ CASES = [
     ("push_pull", *with_method("typical", "return 7"),
      "typical returns 7; expected a form of the effect, or None"),
     ("push_pull", *with_method("trials", "return 1 / 0"), "trials raises ZeroDivisionError"),
+    ("push_pull", *with_method("ringing_at", "return [7]"),
+     "ringing_at returns [7]; expected forms of the effect"),
     ("push_pull", *with_method("smooth_function", "return 1 / 0"),
      "smooth_function raises ZeroDivisionError"),
     ("push_pull", *with_method("carry_over", "return 1 / 0", ""),

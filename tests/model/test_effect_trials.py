@@ -47,12 +47,13 @@ any_spans = st.builds(
 
 @pytest.mark.parametrize("name", SOUGHT)
 @settings(max_examples=60)
-@given(spans=any_spans)
-def test_any_recording_gives_forms_steps_and_richer_forms(name, spans):
+@given(spans=any_spans, line_hz=st.floats(1e-6, 1e3))
+def test_any_recording_gives_forms_steps_and_richer_forms(name, spans, line_hz):
     cls = known_effects()[name]
-    forms = cls.trials(spans)
+    forms, ringing = cls.trials(spans), cls.ringing_at(line_hz, spans)
     assert len(forms) <= MOST_FORMS
-    for effect in (*forms[:2], *forms[-2:]):
+    assert len(ringing) <= MOST_FORMS
+    for effect in (*forms[:2], *forms[-2:], *ringing):
         assert type(effect) is cls
         assert all(map(math.isfinite, effect.constants))
         for option, step in effect.steps(spans).items():

@@ -168,7 +168,7 @@ class FlexibleMode(Effect):
     @classmethod
     def ringing_at(cls, line_hz: float, spans: Spans) -> Sequence[Effect]:
         """Return sharp resonances about a line below the frequencies of `trials`."""
-        if not LONG_ENOUGH / spans.duration_s <= line_hz < SLOWEST_HZ:
+        if line_hz >= SLOWEST_HZ or line_hz * spans.duration_s < LONG_ENOUGH:
             return ()
         low, high = (part * line_hz for part in SLOW_AROUND)
         forms = []

@@ -41,11 +41,11 @@ from motorctl.identify.diagnose.search.search import Found, declared_alone
 from motorctl.identify.diagnose.search.whitening import spectrum
 from motorctl.identify.diagnose.verdict.commanded_wave import without_commanded_waves
 from motorctl.identify.diagnose.verdict.confidence import (
-    TOLD,
     DoubtedMember,
     Support,
     confidence,
     most_doubted,
+    why_doubted,
     without_doubtful,
 )
 from motorctl.identify.diagnose.verdict.errors import (
@@ -60,7 +60,7 @@ from motorctl.identify.diagnose.verdict.errors import (
     split_rows,
 )
 from motorctl.identify.diagnose.verdict.estimator import estimator_of
-from motorctl.identify.diagnose.verdict.evidence import Evidence, outside_family
+from motorctl.identify.diagnose.verdict.evidence import outside_family
 from motorctl.identify.diagnose.verdict.gain_step import without_gain_step
 from motorctl.identify.diagnose.verdict.instruments import with_instruments
 from motorctl.identify.diagnose.verdict.mended import mended_terms, with_better_base
@@ -209,7 +209,7 @@ def assemble(
             *commanded,
             *regained,
             *useless,
-            *(_doubt(name, grounds) for name, grounds in doubted.items()),
+            *(why_doubted(name, grounds) for name, grounds in doubted.items()),
             *tested,
             *_notes(found, judged, split, effects),
             *whole_told(whole, effects),
@@ -373,14 +373,6 @@ def _sentence(
     return (
         "The residual is only noise, but this motion could not have shown "
         f"{', '.join(missing[0].effects)}."
-    )
-
-
-def _doubt(name: str, grounds: Evidence) -> str:
-    """Say that an effect was fitted and is not named."""
-    sure = confidence(grounds)
-    return (
-        f"{name} lowers the error, but is not named: its confidence is {sure:.2f}, below {TOLD:g}"
     )
 
 

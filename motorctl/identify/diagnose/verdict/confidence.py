@@ -58,6 +58,11 @@ PARTS_AGREE = 0.2
 """Part of a plain effect by which parts of the recording disagree on it, at most. Larger takes in
 what is fitted to single events, smaller doubts short recordings. Chosen by hand; as many are right
 at 0.1."""
+PARTS_APART = 1.0
+"""Rms by which parts of the recording disagree on what an effect does, over its own, beyond which
+it is not named. Larger names what only chance or another cause explains, smaller doubts forces of
+many places that each part passes once. Arithmetic: they disagree by more than there is; of names on
+machines by other authors and real ones none right was beyond 0.71."""
 REST_UNKNOWN = 0.2
 """Part of the explainable error that may be left beside a plain effect. Larger speaks of machines
 that are not understood, smaller doubts joints that others load. Chosen by hand; as many are right
@@ -89,7 +94,28 @@ def confidence(evidence: Evidence, alike: int = 0, of_family: bool = False) -> f
     sure = sure_by(learned, features(evidence.document(), of_family), alike)
     if is_plain(evidence, of_family):
         sure = max(sure, PLAINLY * SHARED ** min(alike, 3))
-    return sure
+    return sure if evidence.unsteady <= PARTS_APART else LOWEST
+
+
+def why_doubted(name: str, grounds: Evidence) -> str:
+    """Return why an effect that was fitted is not named, as a sentence.
+
+    Parameters
+    ----------
+    name
+        Of the effect.
+    grounds
+        What its name rests on.
+    """
+    if grounds.unsteady > PARTS_APART:
+        return (
+            f"{name} lowers the error, but is not named: parts of the recording disagree on it by "
+            f"{grounds.unsteady:.2g} times what it does, limit {PARTS_APART:g}"
+        )
+    sure = confidence(grounds)
+    return (
+        f"{name} lowers the error, but is not named: its confidence is {sure:.2f}, below {TOLD:g}"
+    )
 
 
 def is_plain(evidence: Evidence, of_family: bool = False) -> bool:
