@@ -19,7 +19,6 @@ from motorctl.identify.diagnose.result import (
     MissingMotion,
     ModelError,
     Traces,
-    UnknownStructure,
 )
 from motorctl.identify.diagnose.search.acceptance import LEAST_GAIN, forces_of_position, gain
 from motorctl.identify.diagnose.search.held_out_blocks import BlockedRegression, residual, solve
@@ -41,7 +40,6 @@ from motorctl.identify.diagnose.search.search import Found, declared_alone
 from motorctl.identify.diagnose.search.whitening import spectrum
 from motorctl.identify.diagnose.verdict.commanded_wave import without_commanded_waves
 from motorctl.identify.diagnose.verdict.confidence import (
-    DoubtedMember,
     Support,
     confidence,
     most_doubted,
@@ -65,6 +63,7 @@ from motorctl.identify.diagnose.verdict.gain_step import without_gain_step
 from motorctl.identify.diagnose.verdict.instruments import with_instruments
 from motorctl.identify.diagnose.verdict.mended import mended_terms, with_better_base
 from motorctl.identify.diagnose.verdict.second_recording import error_on
+from motorctl.identify.diagnose.verdict.sentence import is_poor, sentence_of
 from motorctl.identify.diagnose.verdict.shown_without import without_shown
 from motorctl.identify.diagnose.verdict.standing import standing
 from motorctl.identify.diagnose.verdict.testable import UNEXPLAINED, ordinary, untestable
@@ -86,13 +85,6 @@ Array = NDArray[np.float64]
 HELPS = 0.03
 """Part of the explainable held-out error that the named effects take away at least. Larger calls
 helpful names unknown, smaller keeps useless ones. Chosen by hand."""
-UNNAMED = 0.3
-"""Confidence below which the most important name is no answer. Larger refuses more names, smaller
-gives poor ones. Chosen by hand."""
-ABOVE_NOISE = 1.3
-"""Rms of what is left over that of noise alone, from which the sentence says so. Larger keeps
-silent about structure, smaller speaks of chance. Chosen by hand: NOISE_LIKE = 1.7 in squares is 1.3
-in rms."""
 
 
 DRIVES_A_MOTOR = ("V", "A")
@@ -155,7 +147,7 @@ def assemble(
     verdict = judged.verdict
     if (verdict == "complete" and missing) or drowned:
         verdict = "insufficient_data"
-    if verdict == "effect" and effects and effects[0].confidence < UNNAMED and missing:
+    if verdict == "effect" and is_poor(effects, missing, catalogue):
         verdict = "insufficient_data"
     if verdict == "effect" and own_error.explained_fraction < HELPS:
         verdict = "insufficient_data"
@@ -183,7 +175,7 @@ def assemble(
         sentence=(
             f"This motion cannot tell what the model lacks: {too_plain or drowned}."
             if too_plain or drowned
-            else _sentence(within, verdict, effects, unknown, missing, error, kin)
+            else sentence_of(within, verdict, effects, unknown, missing, error, kin)
         ),
         declared_theta=base.theta,
         declared_std_error=base.std_error,
@@ -327,52 +319,6 @@ def _missing_motion(
         why=why,
         motion="; ".join(f"{cls.name}: {cls.visible_in}" for cls in classes),
         program=dict(advise(classes, data, found.spans)) or None,
-    )
-
-
-def _sentence(
-    within: str,
-    verdict: str,
-    effects: tuple[FoundEffect, ...],
-    unknown: UnknownStructure | None,
-    missing: tuple[MissingMotion, ...],
-    error: ModelError,
-    kin: DoubtedMember | None,
-) -> str:
-    unit = error.unit
-    change = (
-        f"held-out error {error.held_out_before_rms:.3g} to {error.held_out_after_rms:.3g} {unit} "
-        f"rms, noise {error.noise_floor_rms:.3g} {unit}"
-    )
-    if verdict == "complete":
-        return (
-            f"The declared model is complete{within}: its held-out error is "
-            f"{error.held_out_before_rms:.3g} {unit} rms, and noise alone "
-            f"would give {error.noise_floor_rms:.3g} {unit}."
-        )
-    names = " and ".join(effect.name for effect in effects)
-    if verdict == "effect":
-        over = error.held_out_after_rms / max(error.noise_floor_rms, 1e-300)
-        left = f"; what is left is {over:.2g} times the noise" if over > ABOVE_NOISE else ""
-        return f"The model lacks {names}: {change}{left}."
-    if verdict == "unknown_structure":
-        assert unknown is not None
-        beside = f" Beside it, {names} was found." if effects else ""
-        if unknown.family is not None and unknown.compensation is None:
-            return f"The model lacks something of a known kind, {unknown.sentence}.{beside}"
-        if kin is not None:
-            return f"The model lacks something that cannot be named: {unknown.sentence}."
-        return (
-            f"The model lacks something that no known effect explains: {unknown.sentence}.{beside}"
-        )
-    if effects:
-        return (
-            f"The model lacks something ({change}), but this motion cannot tell what: "
-            f"{missing[0].why if missing else names}."
-        )
-    return (
-        "The residual is only noise, but this motion could not have shown "
-        f"{', '.join(missing[0].effects)}."
     )
 
 
