@@ -222,7 +222,7 @@ def diagnose_axis(
     if below is not None:
         band_hz = min(band_hz, below.regressors.signals.band_hz)
     late = at_first = None if far else late_command(heard, band_hz)
-    data, read = read_between(data, heard)
+    data, read = read_between(data, heard, late)
     if band_hz < signals.band_hz or read:
         signals = make_signals(data, band_hz, slope)
         model, one_way = without_one_way_offset(shortened(signals, LONGEST_SEARCH_S), model)

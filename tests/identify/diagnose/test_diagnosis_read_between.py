@@ -9,10 +9,12 @@ import pytest
 from fit_plant import C1
 from other_plant import OtherPlant
 
+from motorctl.identify.columns.measured import Measured
 from motorctl.identify.columns.signals import make_signals
+from motorctl.identify.diagnose.recording import diagnose_axis
 from motorctl.identify.diagnose.search.hypothesis import Hypothesis
 from motorctl.identify.diagnose.search.search import plain_model
-from motorctl.identify.diagnose.verdict.late_command import read_between
+from motorctl.identify.diagnose.verdict.late_command import LateColumn, read_between
 
 
 @pytest.fixture(scope="module")
@@ -45,6 +47,36 @@ def test_a_command_that_was_written_with_each_row_stays_as_it_is(sound):
     assert read_between(written, heard(written)) == (written, None)
 
 
-def test_of_even_samples_nothing_is_asked(sound):
-    late = half_late(sound)
-    assert read_between(late, heard(late)) == (late, None)
+def test_a_command_of_even_samples_stays_as_it_is_where_it_is_held(sound):
+    assert read_between(sound, heard(sound)) == (sound, None)
+
+
+@pytest.fixture(scope="module")
+def measured():
+    """An axis whose current was measured with each position, at 100 Hz."""
+    every = np.arange(20_000) / 2000.0
+    current = sum(
+        np.sin(2.0 * np.pi * hz * every + phase)
+        for hz, phase in ((0.7, 0.0), (1.9, 1.0), (3.1, 2.0), (5.3, 0.5), (7.9, 1.5))
+    )
+    position, speed = np.zeros(len(every)), 0.0
+    for k in range(1, len(every)):
+        friction = 0.6 * speed + 0.2 * np.tanh(speed / 0.01)
+        speed += (current[k - 1] - friction) / 0.05 / 2000.0
+        position[k] = position[k - 1] + speed / 2000.0
+    noise = 1e-5 * np.random.default_rng(2).standard_normal(len(every))
+    return Measured(
+        source="measured.csv", axis="x", sample_rate_hz=100.0, time_s=every[::20],
+        position=(position + noise)[::20], command=current[::20],
+        usable=np.ones(len(every[::20]), np.bool_), position_unit="m", command_unit="A",
+    )  # fmt: skip
+
+
+def test_a_current_that_was_measured_with_each_position_is_not_held_from_its_row_on(measured):
+    axis = diagnose_axis(measured, C1)
+    assert any("measured with the position, and not held" in note for note in axis.notes)
+    inertia, _, friction, _ = axis.theta[:4]
+    assert inertia == pytest.approx(0.05, rel=0.03)
+    assert friction == pytest.approx(0.2, rel=0.1)
+    late = LateColumn(late_s=0.02, left=0.5, recorded=1.0, band_hz=10.0)
+    assert read_between(measured, heard(measured), late) == (measured, None)

@@ -45,6 +45,13 @@ SHIFTED = 4
 """The command is shifted by one row in so many, at most. Larger misses late columns of short
 motion, smaller compares a few rows. Chosen by hand."""
 
+READ_PLAINLY = 0.7
+"""Squared acceleration that is left with the command half a period earlier, over that with it held
+from its row on, below which it counts as read where samples are even. Larger moves commands of
+machines that lack something else, smaller leaves measured currents half a period late. Chosen by
+hand: of 94 real axes none is below 0.84, currents that were measured at 45 and 100 Hz leave 0.12 to
+0.49."""
+
 
 @dataclass(frozen=True)
 class LateColumn:
@@ -199,11 +206,15 @@ def late_beside(
     return late if late.left < left else again
 
 
-def read_between(data: Measured, heard: Hypothesis) -> tuple[Measured, str | None]:
-    """Return an axis with its command where it acted, if its samples were taken unevenly.
+def read_between(
+    data: Measured, heard: Hypothesis, late: LateColumn | None = None
+) -> tuple[Measured, str | None]:
+    """Return an axis with its command where it acted, if it was read and not written.
 
     Who writes a row with each command knows when that began to act. A recorder that comes by reads
-    what was written before: then it is half a period late on average, and the motion shows it.
+    what was written before: then it is half a period late on average, and the motion shows it. So
+    is a current that was measured with the position, beside one that is held from its row on. Even
+    samples are mostly a loop's own, so that of these the motion must show it plainly.
 
     Parameters
     ----------
@@ -211,6 +222,8 @@ def read_between(data: Measured, heard: Hypothesis) -> tuple[Measured, str | Non
         The axis as measured.
     heard
         As of `late_command`.
+    late
+        What was found by that: a column that is later still is not half of it earlier.
 
     Returns
     -------
@@ -219,17 +232,22 @@ def read_between(data: Measured, heard: Hypothesis) -> tuple[Measured, str | Non
     str or None
         A note that says so.
     """
-    if not data.uneven:
+    if late and not data.uneven:
         return data, None
     signals = heard.regressors.signals
     rows = heard.problem.joined(signals.rows)
     earlier = [_half_earlier(s.command) for s in signals.stretches]
     read = signals.filtered([0.5 * (u + later(u, 1))[None] for u in earlier])[0]
-    if _left(rows[heard.regressors.command_column], rows) <= _left(read, rows):
+    part = _left(read, rows) / max(_left(rows[heard.regressors.command_column], rows), 1e-300)
+    if part >= (1.0 if data.uneven else READ_PLAINLY):
         return data, None
+    earlier_by = f"the motion answers to a command {500.0 * data.period_s:.2g} ms before it was"
     return replace(data, command=_half_earlier(data.command)), (
-        f"samples are uneven, and the motion answers to a command {500.0 * data.period_s:.2g} ms "
-        "before it was recorded: it was taken as one that was written before the sample came"
+        f"samples are uneven, and {earlier_by} recorded: it was taken as one that was written "
+        "before the sample came"
+        if data.uneven
+        else f"{earlier_by} recorded (this leaves {100.0 * part:.0f} % of the squared error): it "
+        "was taken as one that was measured with the position, and not held from its row on"
     )
 
 

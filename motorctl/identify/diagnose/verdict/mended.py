@@ -6,8 +6,10 @@ from dataclasses import replace
 
 from motorctl.identify.diagnose.result import MendedTerm
 from motorctl.identify.diagnose.search.declared_shape import turning_over
+from motorctl.identify.diagnose.search.parameters import values_of
 from motorctl.identify.diagnose.search.search import Found, declared_alone
 from motorctl.identify.diagnose.verdict.errors import Split, held_out_rms
+from motorctl.identify.diagnose.verdict.whole_physics import negative_damping
 from motorctl.model import EffectList
 from motorctl.model.option_units import option_unit
 from motorctl.model.sign_function import sign_of
@@ -46,12 +48,19 @@ def mended_terms(
 
     before = held_out_rms(found, turning_over(found.base, sign).problem, split)
     after = held_out_rms(found, turning_over(found.base, taken).problem, split)
-    meaning = (
-        f"this alone takes the held-out error from {before:.3g} to {after:.3g} {unit} rms, and no "
-        "effect is missing for it"
-        if after < ALONE * before
-        else "this shows only beside the effects that are missing"
-    )
+    meaning = "this shows only beside the effects that are missing"
+    if after < ALONE * before:
+        data = found.base.regressors.signals.data
+        drives = negative_damping(values_of(turning_over(found.base, taken).refreshed()), data)
+        follows = (
+            "no effect is missing for it"
+            if drives is None
+            else f"beside it {drives}, which no friction has: something else is missing, too"
+        )
+        meaning = (
+            f"this alone takes the held-out error from {before:.3g} to {after:.3g} {unit} rms, and "
+            + follows
+        )
     terms = []
     for effect in changed:
         old, new = effect.options.model_dump(), used[effect.name].options.model_dump()

@@ -19,6 +19,8 @@ from motorctl.identify.diagnose.search.whole_model import (
     seen_inertia,
 )
 from motorctl.log.units import unit_for
+from motorctl.model import Effect
+from motorctl.model.knowledge import Signal
 
 SURELY = 5.0
 """Standard errors below zero from which an inertia or a damping is called negative. Larger tells
@@ -82,25 +84,53 @@ def wrong_sign_told(alone: FittedModel, data: Measured) -> tuple[str, ...]:
     data
         The recording, which has the units.
     """
-    fitted, first = {}, 0
-    for effect in alone.model.effects:
-        value, error = float(alone.theta[first]), float(alone.std_error[first])
-        fitted[effect.proportional_to] = effect, value, error
-        first += len(effect.parameters)
-    for of in ("acceleration", "velocity"):
-        if of not in fitted:
+    signals: tuple[Signal, ...] = ("acceleration", "velocity")
+    for of in signals:
+        found = _of(alone, of)
+        if found is None:
             continue
-        effect, value, error = fitted[of]
+        _, value, error = found
         if value < -SURELY * error < 0.0:
-            unit = unit_for(effect.parameters[0].unit, data.position_unit, data.command_unit)
             return (
-                f"{effect.name} of the declared model comes to {value:.3g} ± {error:.2g} {unit}, "
-                "and no machine has a negative one: the sign of the command or of the position may "
-                "be reversed in the recording, or a force that the model lacks drives the axis",
+                f"{_in_words(found, data)} in the declared model, and no machine has a negative "
+                "one: the sign of the command or of the position may be reversed in the "
+                "recording, or a force that the model lacks drives the axis",
             )
         if of == "acceleration" and value > SURELY * error:
             break
     return ()
+
+
+def negative_damping(alone: FittedModel, data: Measured) -> str | None:
+    """Return in words a damping that is surely negative, None where there is none.
+
+    Parameters
+    ----------
+    alone
+        A model without anything that was found.
+    data
+        The recording, which has the units.
+    """
+    found = _of(alone, "velocity")
+    if found is None or not found[1] < -SURELY * found[2] < 0.0:
+        return None
+    return _in_words(found, data)
+
+
+def _of(alone: FittedModel, signal: Signal) -> tuple[Effect, float, float] | None:
+    """Return the basic effect of a signal with its value and standard error."""
+    first = 0
+    for effect in alone.model.effects:
+        if effect.proportional_to == signal:
+            return effect, float(alone.theta[first]), float(alone.std_error[first])
+        first += len(effect.parameters)
+    return None
+
+
+def _in_words(found: tuple[Effect, float, float], data: Measured) -> str:
+    effect, value, error = found
+    unit = unit_for(effect.parameters[0].unit, data.position_unit, data.command_unit)
+    return f"{effect.name} comes to {value:.3g} ± {error:.2g} {unit}"
 
 
 def whole_told(whole: WholeModel, effects: Sequence[FoundEffect]) -> tuple[str, ...]:
