@@ -188,7 +188,12 @@ class AxisDescription(_Part):
 
     @model_validator(mode="after")
     def _units_agree(self) -> AxisDescription:
-        if (self.position is None) == (self.velocity is None):
+        if self.position and self.velocity:
+            raise ValueError(
+                "has a position and a velocity: leave out the velocity, which is found from the "
+                "position"
+            )
+        if self.position is None and self.velocity is None:
             raise ValueError(
                 "needs position: {column, unit}, or where it was not recorded "
                 "velocity: {column, unit}"

@@ -446,6 +446,11 @@ def test_csv_and_parquet_can_be_described_too(tmp_path):
         ("unit: mm", "unit: count", r"axes\.x\.position: unit count needs resolution"),
         ("unit: mm", "unit: mm, scale: 0", r"yaml:5: axes\.x\.position\.scale: must not be 0"),
         ("position: {column: q, unit: mm}", "# none", r"axes\.x: needs position: .* velocity"),
+        (
+            "position: {column: q, unit: mm}",
+            "position: {column: q, unit: mm}\n    velocity: {column: v, unit: mm/s}",
+            r"axes\.x: has a position and a velocity: leave out the velocity",
+        ),
         ("column: q", "colum: q", r"yaml:5: axes\.x\.position\.column: is missing"),
         ("column: q", "colum: q", r"yaml:5: axes\.x\.position\.colum: unknown key"),
         ("column: q", "column: qq", r"axes\.x\.position\.column: .*data\.mat: no column 'qq'"),
