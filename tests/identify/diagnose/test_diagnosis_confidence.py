@@ -139,19 +139,20 @@ def test_what_is_left_over_and_a_faint_gain_make_a_name_less_sure():
 
 
 @pytest.mark.parametrize("of_family", [False, True])
-def test_what_parts_of_a_recording_disagree_on_by_more_than_it_does_is_no_name(of_family):
-    strong = Evidence(
+def test_a_small_effect_on_which_parts_disagree_by_more_than_it_does_is_no_name(of_family):
+    small = Evidence(
         gain=1000.0,
         rival_share=0.1,
         stranger_share=0.1,
         unexplained=0.0,
         over_noise=1.0,
-        reduction=5.0,
+        reduction=1.49,
         unsteady=1.0,
     )
-    assert confidence(strong, of_family=of_family) > judging.TOLD
-    apart = replace(strong, unsteady=1.01)
-    assert confidence(apart, of_family=of_family) == judging.LOWEST
+    assert confidence(small, of_family=of_family) > judging.TOLD
+    torn = replace(small, unsteady=1.01)
+    assert confidence(torn, of_family=of_family) == judging.LOWEST
+    assert confidence(replace(torn, reduction=2.7), of_family=of_family) > judging.TOLD
 
 
 def test_a_plain_effect_is_named_however_far_above_the_noise_the_rest_is():

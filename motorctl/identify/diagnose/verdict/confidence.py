@@ -59,10 +59,13 @@ PARTS_AGREE = 0.2
 what is fitted to single events, smaller doubts short recordings. Chosen by hand; as many are right
 at 0.1."""
 PARTS_APART = 1.0
-"""Rms by which parts of the recording disagree on what an effect does, over its own, beyond which
-it is not named. Larger names what only chance or another cause explains, smaller doubts forces of
-many places that each part passes once. Arithmetic: they disagree by more than there is; of names on
-machines by other authors and real ones none right was beyond 0.71."""
+"""Rms by which parts of the recording disagree on what a small effect does, over its own, beyond
+which it is not named. Larger names what only chance or another cause explains, smaller doubts
+forces of many places that each part passes once. Arithmetic: they disagree by more than there is."""
+SMALL = 1.5
+"""Rms that is left without an effect over that with it, below which it is small in that sense.
+Larger drops true waves beside a line of an encoder's rounding, on which parts disagree, smaller
+keeps chance. Chosen by hand: such a wave has 2.7, an asymmetry of friction that was none 1.2."""
 REST_UNKNOWN = 0.2
 """Part of the explainable error that may be left beside a plain effect. Larger speaks of machines
 that are not understood, smaller doubts joints that others load. Chosen by hand; as many are right
@@ -94,7 +97,12 @@ def confidence(evidence: Evidence, alike: int = 0, of_family: bool = False) -> f
     sure = sure_by(learned, features(evidence.document(), of_family), alike)
     if is_plain(evidence, of_family):
         sure = max(sure, PLAINLY * SHARED ** min(alike, 3))
-    return sure if evidence.unsteady <= PARTS_APART else LOWEST
+    return LOWEST if is_torn(evidence) else sure
+
+
+def is_torn(evidence: Evidence) -> bool:
+    """Return whether parts of the recording disagree on a small effect by more than it does."""
+    return evidence.unsteady > PARTS_APART and evidence.reduction < SMALL
 
 
 def why_doubted(name: str, grounds: Evidence) -> str:
@@ -107,7 +115,7 @@ def why_doubted(name: str, grounds: Evidence) -> str:
     grounds
         What its name rests on.
     """
-    if grounds.unsteady > PARTS_APART:
+    if is_torn(grounds):
         return (
             f"{name} lowers the error, but is not named: parts of the recording disagree on it by "
             f"{grounds.unsteady:.2g} times what it does, limit {PARTS_APART:g}"
