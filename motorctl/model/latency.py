@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-
 from motorctl.model.grids import log_grid
 from motorctl.model.knowledge import Spans
 
@@ -16,30 +14,6 @@ LONGEST_LINK_S = 0.25
 over USB, radio or a busy computer take, and filters. More takes time and lets a delay stand for
 what repeats; less misses them, or calls a long lag a delay. Chosen by hand: recordings of others
 have 30 to 130 ms at 200 to 1000 samples a second."""
-
-LEAST_OF_SAMPLE = 0.3
-"""Part of a sampling period below which a lag or a delay is refuted. Larger refutes those of sound
-fast recordings, smaller names what a sharp limit or friction leaves between two samples. Chosen by
-hand; arithmetic: whether a command is held over the period or goes straight to the next is half."""
-
-
-def within_a_sample(time_s: float, spans: Spans) -> str | None:
-    """Return what speaks against a lag or a delay that is a small part of a sampling period.
-
-    Parameters
-    ----------
-    time_s
-        The lag or delay [s].
-    spans
-        What the recording spans.
-    """
-    part = time_s / spans.period_s if spans.period_s > 0.0 else math.inf
-    if part >= LEAST_OF_SAMPLE:
-        return None
-    return (
-        f"its {1e3 * time_s:.3g} ms are {part:.2g} of the time between two samples (limit "
-        f"{LEAST_OF_SAMPLE:g}), within which nobody knows how the command was held"
-    )
 
 
 def trial_times(spans: Spans) -> list[float]:

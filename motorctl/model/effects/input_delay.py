@@ -9,7 +9,7 @@ from pydantic import Field
 from motorctl.model.effect import Effect, EffectOptions
 from motorctl.model.grids import log_step
 from motorctl.model.knowledge import Picture, Spans
-from motorctl.model.latency import PER_DECADE, longer_trial_times, trial_times, within_a_sample
+from motorctl.model.latency import PER_DECADE, longer_trial_times, trial_times
 from motorctl.model.parameter import Parameter
 
 
@@ -69,10 +69,6 @@ class InputDelay(Effect):
     def trials_beyond(cls, spans: Spans) -> Sequence[Effect]:
         """Return what slow links take."""
         return [cls(InputDelayOptions(time_s=time)) for time in longer_trial_times(spans)]
-
-    def contradicted_by(self, spans: Spans) -> str | None:
-        """Return what speaks against a time that is a small part of a sampling period."""
-        return within_a_sample(self.options.time_s, spans)
 
     def steps(self, spans: Spans) -> Mapping[str, float]:
         """Refine the time."""

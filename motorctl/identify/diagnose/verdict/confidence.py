@@ -61,7 +61,8 @@ at 0.1."""
 PARTS_APART = 1.0
 """Rms by which parts of the recording disagree on what a small effect does, over its own, beyond
 which it is not named. Larger names what only chance or another cause explains, smaller doubts
-forces of many places that each part passes once. Arithmetic: they disagree by more than there is."""
+forces of many places that each part passes once. Arithmetic: they disagree by more than there
+is."""
 SMALL = 1.5
 """Rms that is left without an effect over that with it, below which it is small in that sense.
 Larger drops true waves beside a line of an encoder's rounding, on which parts disagree, smaller
