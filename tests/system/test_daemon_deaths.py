@@ -30,8 +30,9 @@ from motorctl.log.sample import AxisState, SampleFlag
 pytestmark = pytest.mark.wall_clock(lanes=3)
 
 RATE_HZ = 400
+USUAL_S = 2.0
+USUAL = bench_config("shuttle", supervisor_timeout_s=USUAL_S)
 IMPATIENT = bench_config("shuttle", supervisor_timeout_s=0.5)
-PATIENT = bench_config("shuttle", supervisor_timeout_s=2.0)
 """The axis is still on its first way when the loop misses its supervisor."""
 FEW = ("serial exchange", "canopen")
 FEW_AND_LONG = [bus if bus in FEW else pytest.param(bus, marks=pytest.mark.long) for bus in BUSES]
@@ -68,7 +69,7 @@ def start_anew(daemon: Daemon) -> str:
 def test_loop_and_supervisor_killed_at_once_lose_no_row_and_the_next_start_tells(
     tmp_path: Path,
 ) -> None:
-    with Daemon(tmp_path, PATIENT) as daemon:
+    with Daemon(tmp_path, USUAL) as daemon:
         moving(daemon)
         time.sleep(1.0)
         pid = loop_pid(daemon)
@@ -94,7 +95,7 @@ def test_loop_and_supervisor_killed_at_once_lose_no_row_and_the_next_start_tells
 def test_a_supervisor_killed_with_what_makes_its_closed_logs_loses_no_row_and_the_next_start_tells(
     tmp_path: Path,
 ) -> None:
-    with Daemon(tmp_path, PATIENT) as daemon:
+    with Daemon(tmp_path, USUAL) as daemon:
         closed, converter, loop, ticks = moving_while_a_log_is_made(daemon)
         os.kill(daemon.process.pid, signal.SIGKILL)
         os.kill(converter, signal.SIGKILL)
@@ -116,7 +117,7 @@ def test_a_supervisor_killed_with_what_makes_its_closed_logs_loses_no_row_and_th
 def test_a_loop_killed_with_what_makes_closed_logs_ends_the_daemon_which_makes_them_itself(
     tmp_path: Path,
 ) -> None:
-    with Daemon(tmp_path, PATIENT) as daemon:
+    with Daemon(tmp_path, USUAL) as daemon:
         _, converter, loop, ticks = moving_while_a_log_is_made(daemon)
         os.kill(loop, signal.SIGKILL)
         os.kill(converter, signal.SIGKILL)
@@ -203,7 +204,7 @@ def test_whatever_moment_it_is_killed_at_a_log_ends_less_than_a_second_before(
     """The supervisor alone, or the loop with it; the next start makes a log of what is left."""
     random = np.random.default_rng(1)
     ticks_at_kill = []
-    with Daemon(tmp_path, PATIENT) as daemon:
+    with Daemon(tmp_path, USUAL) as daemon:
         for kill in range(kills):
             moving(daemon)
             time.sleep(random.uniform(0.0, 2.0))
@@ -304,7 +305,7 @@ def test_a_supervisor_that_pauses_for_less_than_its_limit_costs_nothing(tmp_path
 def test_a_loop_that_stands_still_for_less_than_its_limit_trips_what_it_led_and_jolts_nothing(
     tmp_path: Path,
 ) -> None:
-    with Daemon(tmp_path, PATIENT) as daemon:
+    with Daemon(tmp_path, USUAL) as daemon:
         moving(daemon)
         pid = loop_pid(daemon)
         os.kill(pid, signal.SIGSTOP)
@@ -333,7 +334,7 @@ def test_an_edited_configuration_changes_nothing_until_the_next_start_which_says
     tmp_path: Path,
 ) -> None:
     with Daemon(
-        tmp_path, bench_config("shuttle", keep_learned=True, supervisor_timeout_s=2.0)
+        tmp_path, bench_config("shuttle", keep_learned=True, supervisor_timeout_s=USUAL_S)
     ) as daemon:
         moving(daemon)
         ran = daemon.config.read_text()

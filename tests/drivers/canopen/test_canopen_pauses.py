@@ -12,7 +12,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from motorctl.hal import Inputs, Outputs, Status
-from motorctl_canopen import driver as driver_module
 from motorctl_canopen import exchange as exchange_module
 
 HEARTBEAT_S = 0.1
@@ -78,10 +77,7 @@ def test_a_pause_at_whatever_moment_of_the_exchange_is_no_silence_of_a_drive_tha
     bus = PausedBus(pause_s, at)
     made._exchange.link = made._link = bus  # type: ignore[assignment]
     inputs, outputs = Inputs(1), Outputs(1)
-    with (
-        patch.object(exchange_module, "time", bus),
-        patch.object(driver_module, "time", bus),
-    ):
+    with patch.object(exchange_module, "time", bus):
         made._nodes[0].begin(0.0)
         made._nodes[0].nmt = OPERATIONAL
         for _ in range(int((0.1 + since_s) / PERIOD_S)):

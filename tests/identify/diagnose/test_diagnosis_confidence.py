@@ -119,36 +119,30 @@ def test_the_family_of_a_doubted_name_is_told_where_it_takes_most(with_chance):
     assert judging.most_doubted((effect,), {}) is None
 
 
+CLEAR = Evidence(
+    gain=100.0,
+    rival_share=0.3,
+    stranger_share=0.3,
+    unexplained=0.0,
+    over_noise=1.0,
+    reduction=1.8,
+    unsteady=0.01,
+)
+
+
 def test_what_is_left_over_and_a_faint_gain_make_a_name_less_sure():
-    clear = Evidence(
-        gain=100.0,
-        rival_share=0.3,
-        stranger_share=0.3,
-        unexplained=0.0,
-        over_noise=1.0,
-        reduction=1.8,
-        unsteady=0.01,
-    )
     for doubt in (
         {"gain": 3.0},
         {"over_noise": 10.0},
         {"gain": 3.0, "unexplained": 0.5},
         {"unsteady": 1.0},
     ):
-        assert confidence(replace(clear, **doubt)) < confidence(clear)
+        assert confidence(replace(CLEAR, **doubt)) < confidence(CLEAR)
 
 
 @pytest.mark.parametrize("of_family", [False, True])
 def test_a_small_effect_on_which_parts_disagree_by_more_than_it_does_is_no_name(of_family):
-    small = Evidence(
-        gain=1000.0,
-        rival_share=0.1,
-        stranger_share=0.1,
-        unexplained=0.0,
-        over_noise=1.0,
-        reduction=1.49,
-        unsteady=1.0,
-    )
+    small = replace(CLEAR, reduction=1.49, unsteady=1.0)
     assert confidence(small, of_family=of_family) > judging.TOLD
     torn = replace(small, unsteady=1.01)
     assert confidence(torn, of_family=of_family) == judging.LOWEST

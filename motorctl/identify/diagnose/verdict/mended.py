@@ -47,11 +47,12 @@ def mended_terms(
         return ()
 
     before = held_out_rms(found, turning_over(found.base, sign).problem, split)
-    after = held_out_rms(found, turning_over(found.base, taken).problem, split)
+    other = turning_over(found.base, taken)
+    after = held_out_rms(found, other.problem, split)
     meaning = "this shows only beside the effects that are missing"
     if after < ALONE * before:
         data = found.base.regressors.signals.data
-        drives = negative_damping(values_of(turning_over(found.base, taken).refreshed()), data)
+        drives = negative_damping(values_of(other.refreshed()), data)
         follows = (
             "no effect is missing for it"
             if drives is None

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from motorctl.identify.columns.measured import Measured
 from motorctl.identify.diagnose.result import FoundEffect, WholeModel
 from motorctl.identify.diagnose.search.hypothesis import Hypothesis
-from motorctl.identify.diagnose.search.parameters import FittedModel, values_of
+from motorctl.identify.diagnose.search.parameters import FittedModel, theta_of, values_of
 from motorctl.identify.diagnose.search.refutation import beside_driving_friction
 from motorctl.identify.diagnose.search.search import Found, declared_alone
 from motorctl.identify.diagnose.search.whole_model import (
@@ -19,7 +19,6 @@ from motorctl.identify.diagnose.search.whole_model import (
     seen_inertia,
 )
 from motorctl.log.units import unit_for
-from motorctl.model import Effect
 from motorctl.model.knowledge import Signal
 
 SURELY = 5.0
@@ -54,13 +53,10 @@ def beside_negative_inertia(found: Found) -> tuple[Found, tuple[str, ...]]:
     behind a command that is late.
     """
     final = found.final
-    fitted = values_of(final)
-    place = fitted.model.index_of("acceleration")
-    if not final.added or place is None:
+    inertia = _value_of(values_of(final), "acceleration")
+    if not final.added or inertia is None or not _is_negative(*inertia):
         return found, ()
-    value, error = float(fitted.theta[place]), float(fitted.std_error[place])
-    if not value < -SURELY * error < 0.0:
-        return found, ()
+    value, error = inertia
     data = final.regressors.signals.data
     unit = unit_for(OF_INERTIA, data.position_unit, data.command_unit)
     names = " and ".join(effect.name for effect in final.added)
@@ -86,14 +82,14 @@ def wrong_sign_told(alone: FittedModel, data: Measured) -> tuple[str, ...]:
     """
     signals: tuple[Signal, ...] = ("acceleration", "velocity")
     for of in signals:
-        found = _of(alone, of)
+        found = _value_of(alone, of)
         if found is None:
             continue
-        _, value, error = found
-        if value < -SURELY * error < 0.0:
+        value, error = found
+        if _is_negative(value, error):
             return (
-                f"{_in_words(found, data)} in the declared model, and no machine has a negative "
-                "one: the sign of the command or of the position may be reversed in the "
+                f"{_in_words(alone, of, data)} in the declared model, and no machine has a "
+                "negative one: the sign of the command or of the position may be reversed in the "
                 "recording, or a force that the model lacks drives the axis",
             )
         if of == "acceleration" and value > SURELY * error:
@@ -111,26 +107,30 @@ def negative_damping(alone: FittedModel, data: Measured) -> str | None:
     data
         The recording, which has the units.
     """
-    found = _of(alone, "velocity")
-    if found is None or not found[1] < -SURELY * found[2] < 0.0:
+    damping = _value_of(alone, "velocity")
+    if damping is None or not _is_negative(*damping):
         return None
-    return _in_words(found, data)
+    return _in_words(alone, "velocity", data)
 
 
-def _of(alone: FittedModel, signal: Signal) -> tuple[Effect, float, float] | None:
-    """Return the basic effect of a signal with its value and standard error."""
-    first = 0
-    for effect in alone.model.effects:
-        if effect.proportional_to == signal:
-            return effect, float(alone.theta[first]), float(alone.std_error[first])
-        first += len(effect.parameters)
-    return None
+def _value_of(fitted: FittedModel, signal: Signal) -> tuple[float, float] | None:
+    """Return the parameter of a signal's basic effect and its standard error; None without one."""
+    place = fitted.model.index_of(signal)
+    if place is None:
+        return None
+    return float(fitted.theta[place]), float(fitted.std_error[place])
 
 
-def _in_words(found: tuple[Effect, float, float], data: Measured) -> str:
-    effect, value, error = found
+def _is_negative(value: float, error: float) -> bool:
+    """Return whether a parameter is surely below zero."""
+    return value < -SURELY * error < 0.0
+
+
+def _in_words(fitted: FittedModel, signal: Signal, data: Measured) -> str:
+    effect = next(e for e in fitted.model.effects if e.proportional_to == signal)
+    theta, std_error = theta_of(fitted, effect)
     unit = unit_for(effect.parameters[0].unit, data.position_unit, data.command_unit)
-    return f"{effect.name} comes to {value:.3g} ± {error:.2g} {unit}"
+    return f"{effect.name} comes to {theta[0]:.3g} ± {std_error[0]:.2g} {unit}"
 
 
 def whole_told(whole: WholeModel, effects: Sequence[FoundEffect]) -> tuple[str, ...]:
