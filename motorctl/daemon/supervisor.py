@@ -22,6 +22,7 @@ from motorctl.daemon import learned
 from motorctl.daemon.access import ControlSocket
 from motorctl.daemon.commander import Commander
 from motorctl.daemon.config_watch import ConfigWatch, named_files
+from motorctl.daemon.early_stop import EarlyStop
 from motorctl.daemon.ending import Ending
 from motorctl.daemon.error_text import in_words
 from motorctl.daemon.flight_recorder import FlightRecorder
@@ -84,17 +85,20 @@ def run_daemon(machine: Machine, options: DaemonOptions) -> None:
     RunError
         Where the loop refuses or dies, or the log cannot be completed.
     """
+    early = EarlyStop()
     # Half of what a first start compiles, begun while the loop's process is not there yet.
     beside = CompilingBeside(partial(compile_beside, machine))
     with suppress(OSError):  # only root and a service may; it runs all the same
         os.setpriority(os.PRIO_PROCESS, 0, NICENESS)
     try:
-        asyncio.run(_run(machine, options, beside))
+        asyncio.run(_run(machine, options, beside, early))
     finally:
         beside.end()
 
 
-async def _run(machine: Machine, options: DaemonOptions, beside: CompilingBeside) -> None:
+async def _run(
+    machine: Machine, options: DaemonOptions, beside: CompilingBeside, early: EarlyStop
+) -> None:
     directory = options.log_directory or machine.log_directory
     must_be_writable(directory, "log directory")
     control = ControlSocket(
@@ -102,7 +106,7 @@ async def _run(machine: Machine, options: DaemonOptions, beside: CompilingBeside
     )
     try:
         may_run = options.may_run or allowed_by()
-        await Supervisor(machine, control, directory, beside, may_run).live()
+        await Supervisor(machine, control, directory, beside, may_run).live(early)
     finally:
         control.close()
 
@@ -159,12 +163,14 @@ class Supervisor:
         self._report.flight, self._report.keeper = self._flight, self._keeper
         self._asked = asyncio.Event()
 
-    async def live(self) -> None:
+    async def live(self, early: EarlyStop) -> None:
         """Start, serve until asked to stop, stop; raises RunError with all that went wrong."""
         events = asyncio.get_running_loop()
         for number in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP):
             if signal.getsignal(number) is not signal.SIG_IGN:  # as nohup sets SIGHUP
                 events.add_signal_handler(number, self._on_signal)
+        if early.asked:
+            self._asked.set()
         await self._server.start()
         beating = asyncio.create_task(self._beat())
         wrong: list[str] = []

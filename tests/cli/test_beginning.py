@@ -51,3 +51,28 @@ def test_what_is_answered_at_once_begins_with_its_answer(said, words):
 
 def test_whatever_reads_standard_error_but_a_person_is_told_nothing_first(said):
     assert said("check", "small_stage", stderr=io.StringIO) == ""
+
+
+DROPPED = """
+import ctypes, os, signal
+from motorctl.cli.beginning import say_first
+
+def told_meanwhile():
+    os.kill(os.getpid(), signal.{order})
+
+signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background ignores it
+say_first(["run"])
+ctypes.CFUNCTYPE(None)(told_meanwhile)()  # as compilers call back: what is raised there is dropped
+print("went on")
+"""
+
+
+@pytest.mark.parametrize("order", ["SIGTERM", "SIGINT"])
+def test_an_order_to_end_ends_the_start_of_a_daemon_whatever_library_is_being_loaded(order):
+    code = DROPPED.format(order=order)
+    told = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert (told.returncode, told.stdout) == (0, "")
+    assert told.stderr.splitlines() == [
+        "motorctl: starting",
+        "motorctl: told to stop while starting, before anything was switched on",
+    ]

@@ -6,13 +6,22 @@ import json
 import os
 import signal
 import socket
+import subprocess
+import sys
 import threading
 from pathlib import Path
 
 import pyarrow.compute as pc
 import pyarrow.parquet as pq
 import pytest
-from daemon_rig import Daemon, alive, bench_config, command, wait_until
+from daemon_rig import (
+    Daemon,
+    alive,
+    bench_config,
+    command,
+    ended_with_the_tests,
+    wait_until,
+)
 
 from motorctl.config import load
 from motorctl.daemon import supervisor
@@ -224,6 +233,41 @@ def test_a_stop_while_the_loop_is_compiled_is_told_and_so_is_what_takes_long(
     assert daemon.end() == 0
     assert "s of starting, before the first tick: no axis was enabled" in daemon.said
     assert all(line.startswith("motorctl: ") for line in daemon.said.splitlines()), daemon.said
+
+
+TOLD_BEFORE_THE_EVENT_LOOP = """
+import os, signal
+import motorctl.cli
+from motorctl.daemon import supervisor
+
+class Told(supervisor.CompilingBeside):
+    def __init__(self, compile):
+        super().__init__(compile)
+        os.kill(os.getpid(), signal.SIGTERM)
+
+supervisor.CompilingBeside = Told
+motorctl.cli.main()
+"""
+
+
+def test_a_stop_between_the_libraries_and_the_event_loop_is_not_lost(tmp_path: Path) -> None:
+    config = tmp_path / "bench.yaml"
+    config.write_text(bench_config())
+    told = subprocess.run(
+        [
+            *(sys.executable, "-c", ended_with_the_tests(TOLD_BEFORE_THE_EVENT_LOOP)),
+            *("run", config, "--log-dir", tmp_path / "logs"),
+            *("--socket", tmp_path / "motorctl.sock"),
+        ],
+        env={**os.environ, "XDG_STATE_HOME": str(tmp_path / "state")},
+        stderr=subprocess.PIPE,
+        text=True,
+        timeout=240,
+        check=False,
+    )
+    assert told.returncode == 0, told.stderr
+    assert "s of starting, before the first tick: no axis was enabled" in told.stderr
+    assert not list(tmp_path.glob("*.sock"))
 
 
 @pytest.mark.slow

@@ -1,0 +1,25 @@
+"""An order to end that comes before the daemon's event loop can take it."""
+
+from __future__ import annotations
+
+import signal
+
+ORDERS = (signal.SIGTERM, signal.SIGINT)
+
+
+class EarlyStop:
+    """Remembers such an order.
+
+    It raises nothing: an exception may come up in the middle of a library's callback, which drops
+    it, and the daemon would go on as if nobody had asked.
+    """
+
+    def __init__(self) -> None:
+        self.asked = False
+        """Whether one came."""
+        for number in ORDERS:
+            if signal.getsignal(number) is not signal.SIG_IGN:
+                signal.signal(number, self._take)
+
+    def _take(self, number: int, frame: object) -> None:
+        self.asked = True
