@@ -17,9 +17,16 @@ class EarlyStop:
     def __init__(self) -> None:
         self.asked = False
         """Whether one came."""
-        for number in ORDERS:
-            if signal.getsignal(number) is not signal.SIG_IGN:
+        self._before = {number: signal.getsignal(number) for number in ORDERS}
+        for number, handler in self._before.items():
+            if handler is not signal.SIG_IGN:
                 signal.signal(number, self._take)
+
+    def end(self) -> None:
+        """Leave the signals to whom they were, where the event loop did not come to take them."""
+        for number, handler in self._before.items():
+            if signal.getsignal(number) == self._take:
+                signal.signal(number, handler)
 
     def _take(self, number: int, frame: object) -> None:
         self.asked = True

@@ -94,6 +94,7 @@ def run_daemon(machine: Machine, options: DaemonOptions) -> None:
         asyncio.run(_run(machine, options, beside, early))
     finally:
         beside.end()
+        early.end()
 
 
 async def _run(

@@ -26,7 +26,7 @@ from daemon_rig import (
 from motorctl.config import load
 from motorctl.daemon import supervisor
 from motorctl.daemon.client import Client, DaemonRefusedError
-from motorctl.errors import RunError
+from motorctl.errors import RunError, UsageError
 from motorctl.flight import list_records
 from motorctl.log import recover
 from motorctl.log.sample import AxisState, FaultCause
@@ -268,6 +268,16 @@ def test_a_stop_between_the_libraries_and_the_event_loop_is_not_lost(tmp_path: P
     assert told.returncode == 0, told.stderr
     assert "s of starting, before the first tick: no axis was enabled" in told.stderr
     assert not list(tmp_path.glob("*.sock"))
+
+
+def test_a_daemon_that_cannot_start_leaves_the_signals_to_its_caller(tmp_path: Path) -> None:
+    (tmp_path / "taken").write_text("a file")
+    (tmp_path / "bench.yaml").write_text(bench_config())
+    before = [signal.getsignal(number) for number in (signal.SIGTERM, signal.SIGINT)]
+    options = supervisor.DaemonOptions(log_directory=tmp_path / "taken")
+    with pytest.raises(UsageError, match="taken"):
+        supervisor.run_daemon(load(str(tmp_path / "bench.yaml")), options)
+    assert [signal.getsignal(number) for number in (signal.SIGTERM, signal.SIGINT)] == before
 
 
 @pytest.mark.slow
