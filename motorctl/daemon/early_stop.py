@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import signal
+from typing import Self
 
 ORDERS = (signal.SIGTERM, signal.SIGINT)
 
 
 class EarlyStop:
-    """Remembers such an order.
+    """Remembers such an order while it is entered.
 
     It raises nothing: an exception may come up in the middle of a library's callback, which drops
     it, and the daemon would go on as if nobody had asked.
@@ -18,11 +19,14 @@ class EarlyStop:
         self.asked = False
         """Whether one came."""
         self._before = {number: signal.getsignal(number) for number in ORDERS}
+
+    def __enter__(self) -> Self:
         for number, handler in self._before.items():
             if handler is not signal.SIG_IGN:
                 signal.signal(number, self._take)
+        return self
 
-    def end(self) -> None:
+    def __exit__(self, *_: object) -> None:
         """Leave the signals to whom they were, where the event loop did not come to take them."""
         for number, handler in self._before.items():
             if signal.getsignal(number) == self._take:

@@ -85,16 +85,15 @@ def run_daemon(machine: Machine, options: DaemonOptions) -> None:
     RunError
         Where the loop refuses or dies, or the log cannot be completed.
     """
-    early = EarlyStop()
-    # Half of what a first start compiles, begun while the loop's process is not there yet.
-    beside = CompilingBeside(partial(compile_beside, machine))
-    with suppress(OSError):  # only root and a service may; it runs all the same
-        os.setpriority(os.PRIO_PROCESS, 0, NICENESS)
-    try:
-        asyncio.run(_run(machine, options, beside, early))
-    finally:
-        beside.end()
-        early.end()
+    with EarlyStop() as early:
+        # Half of what a first start compiles, begun while the loop's process is not there yet.
+        beside = CompilingBeside(partial(compile_beside, machine))
+        with suppress(OSError):  # only root and a service may; it runs all the same
+            os.setpriority(os.PRIO_PROCESS, 0, NICENESS)
+        try:
+            asyncio.run(_run(machine, options, beside, early))
+        finally:
+            beside.end()
 
 
 async def _run(

@@ -14,14 +14,7 @@ from pathlib import Path
 import pyarrow.compute as pc
 import pyarrow.parquet as pq
 import pytest
-from daemon_rig import (
-    Daemon,
-    alive,
-    bench_config,
-    command,
-    ended_with_the_tests,
-    wait_until,
-)
+from daemon_rig import Daemon, alive, bench_config, command, ended_with_the_tests, wait_until
 
 from motorctl.config import load
 from motorctl.daemon import supervisor
