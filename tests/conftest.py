@@ -9,6 +9,7 @@ import pauses
 import pytest
 import real_time
 from hypothesis import HealthCheck, settings
+from threadpoolctl import threadpool_limits
 
 from motorctl.garbage import SELDOM
 
@@ -62,6 +63,9 @@ def pytest_collection_finish() -> None:
     gc.set_threshold(*_USUAL)
     gc.collect()
     gc.freeze()  # thousands of tests and all modules: else each collection goes through them anew
+    # As the diagnosis does by itself: threads wait longer than small matrices take, the more so
+    # where other tests run beside, and round by their number.
+    threadpool_limits(1, "blas")
 
 
 @pytest.hookimpl(tryfirst=True)
