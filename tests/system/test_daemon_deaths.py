@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import signal
 import time
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -38,6 +39,13 @@ FEW = ("serial exchange", "canopen")
 FEW_AND_LONG = [bus if bus in FEW else pytest.param(bus, marks=pytest.mark.long) for bus in BUSES]
 
 
+KILLED = {
+    True: "and its loop process were killed",
+    False: "was killed; its loop process then stopped every axis",
+}
+"""What the next start tells of a supervisor, with its loop or without."""
+
+
 def loop_pid(daemon: Daemon) -> int:
     pid: int = daemon.ask("status")["loop"]["pid"]
     return pid
@@ -66,37 +74,22 @@ def start_anew(daemon: Daemon) -> str:
 
 
 @pytest.mark.slow
-def test_loop_and_supervisor_killed_at_once_lose_no_row_and_the_next_start_tells(
+def test_a_supervisor_or_a_loop_killed_with_what_makes_closed_logs_loses_no_row(
     tmp_path: Path,
 ) -> None:
+    """The next start tells; without the loop the daemon ends, and makes the log itself."""
     with Daemon(tmp_path, USUAL) as daemon:
         moving(daemon)
         time.sleep(1.0)
-        pid = loop_pid(daemon)
-        ticks = daemon.ask("status")["loop"]["ticks"]
+        ticks = [daemon.ask("status")["loop"]["ticks"]]
+        loop = loop_pid(daemon)
         os.kill(daemon.process.pid, signal.SIGKILL)
-        os.kill(pid, signal.SIGKILL)
         daemon.process.wait()
-        wait_until(lambda: not alive(pid))
-        said = start_anew(daemon)
-        assert "did not end in order: its supervisor and its loop process were killed" in said
-        assert "1 of earlier runs are unfinished" in said
-        assert "Traceback" not in said
-        assert daemon.end() == 0, daemon.said
-        first, second = (stored.path for stored in stored_logs(daemon.logs, "bench"))
-        table = pq.read_table(first, columns=["tick", "x.state"])
-        assert table["tick"][-1].as_py() > ticks - RATE_HZ  # nothing older than a second is lost
-        assert table["x.state"][-1].as_py() == AxisState.RUNNING
-        no_row_is_missing(first)
-        assert pq.read_table(second, columns=["x.state"])["x.state"][0].as_py() == AxisState.OFF
+        wait_until(lambda: not alive(loop))
+        (closed,) = daemon.partial_logs()
+        start_anew(daemon)
 
-
-@pytest.mark.slow
-def test_a_supervisor_killed_with_what_makes_its_closed_logs_loses_no_row_and_the_next_start_tells(
-    tmp_path: Path,
-) -> None:
-    with Daemon(tmp_path, USUAL) as daemon:
-        closed, converter, loop, ticks = moving_while_a_log_is_made(daemon)
+        converter, loop = moving_while_a_log_is_made(daemon, closed, ticks)
         os.kill(daemon.process.pid, signal.SIGKILL)
         os.kill(converter, signal.SIGKILL)
         daemon.process.wait()
@@ -107,68 +100,57 @@ def test_a_supervisor_killed_with_what_makes_its_closed_logs_loses_no_row_and_th
         assert "2 of earlier runs are unfinished" in said
         assert closed.name in said
         assert "Traceback" not in said
-        assert daemon.end() == 0, daemon.said
-        both_logs_end_at_their_kills(daemon, ticks)
-        assert not daemon.partial_logs()
-        assert not list(daemon.logs.glob("*.tmp"))
 
-
-@pytest.mark.slow
-def test_a_loop_killed_with_what_makes_closed_logs_ends_the_daemon_which_makes_them_itself(
-    tmp_path: Path,
-) -> None:
-    with Daemon(tmp_path, USUAL) as daemon:
-        _, converter, loop, ticks = moving_while_a_log_is_made(daemon)
+        converter, loop = moving_while_a_log_is_made(daemon, closed, ticks)
         os.kill(loop, signal.SIGKILL)
         os.kill(converter, signal.SIGKILL)
         assert daemon.process.wait(60) == 1
         assert not alive(converter)
         assert "the loop process ended (killed by SIGKILL)" in daemon.said
         assert not daemon.partial_logs()
-        said = start_anew(daemon)
-        assert "ended with: " in said
+        assert "ended with: " in start_anew(daemon)
         assert "Traceback" not in daemon.said
         assert daemon.end() == 0, daemon.said
-        both_logs_end_at_their_kills(daemon, ticks)
+        *killed, _ = (stored.path for stored in stored_logs(daemon.logs, "bench"))
+        every_log_ends_at_its_kill(killed, ticks)
+        assert not daemon.partial_logs()
         assert not list(daemon.logs.glob("*.tmp"))
 
 
-def moving_while_a_log_is_made(daemon: Daemon) -> tuple[Path, int, int, list[int]]:
+def moving_while_a_log_is_made(daemon: Daemon, closed: Path, ticks: list[int]) -> tuple[int, int]:
     """Have axes move while the log of a run that was killed is made, by a process that stands.
+
+    Parameters
+    ----------
+    daemon
+        One that was started anew.
+    closed
+        The recording of the killed run.
+    ticks
+        The loop's are appended, once the axes have moved for a second.
 
     Returns
     -------
-    Path
-        The recording of the killed run.
     int, int
-        The process that makes a log of it, and the loop's.
-    list of int
-        The loop's ticks at the kill, and now.
+        The process that makes the log, and the loop's.
     """
-    moving(daemon)
-    time.sleep(1.0)
-    ticks = [daemon.ask("status")["loop"]["ticks"]]
-    loop = loop_pid(daemon)
-    os.kill(daemon.process.pid, signal.SIGKILL)
-    daemon.process.wait()
-    wait_until(lambda: not alive(loop))
-    (closed,) = daemon.partial_logs()
-    start_anew(daemon)
     converter = stopped_converter(closed)
     moving(daemon)
     time.sleep(1.0)
     told = daemon.ask("status")["loop"]
-    return closed, converter, told["pid"], [*ticks, told["ticks"]]
+    ticks.append(told["ticks"])
+    return converter, told["pid"]
 
 
-def both_logs_end_at_their_kills(daemon: Daemon, ticks: list[int]) -> None:
-    """Insist that the logs of two killed runs end less than a second before, without a gap."""
-    *killed, _ = (stored.path for stored in stored_logs(daemon.logs, "bench"))
-    assert len(killed) == 2
-    for log, at_kill in zip(killed, ticks, strict=True):
-        table = pq.read_table(log, columns=["tick"])
-        assert table["tick"][-1].as_py() > at_kill - RATE_HZ
+def every_log_ends_at_its_kill(logs: Sequence[Path], ticks: Sequence[int]) -> None:
+    """Insist that logs of killed runs end less than a second before, without a gap."""
+    lost_s = []
+    for log, at_kill in zip(logs, ticks, strict=True):
+        last = pq.read_table(log, columns=["tick"])["tick"][-1].as_py()
+        lost_s.append(max(0.0, (at_kill - last) / RATE_HZ))
         no_row_is_missing(log)
+    print(f"at most {max(lost_s):.2f} s lost, {np.median(lost_s):.2f} s in the median")
+    assert max(lost_s) < 1.0
 
 
 def stopped_converter(closed: Path) -> int:
@@ -201,9 +183,9 @@ def stopped_converter(closed: Path) -> int:
 def test_whatever_moment_it_is_killed_at_a_log_ends_less_than_a_second_before(
     tmp_path: Path, kills: int
 ) -> None:
-    """The supervisor alone, or the loop with it; the next start makes a log of what is left."""
+    """The supervisor alone, or the loop with it; the next start tells, and makes the log."""
     random = np.random.default_rng(1)
-    ticks_at_kill = []
+    ticks_at_kill, with_loop = [], []
     with Daemon(tmp_path, USUAL) as daemon:
         for kill in range(kills):
             moving(daemon)
@@ -211,22 +193,23 @@ def test_whatever_moment_it_is_killed_at_a_log_ends_less_than_a_second_before(
             pid = loop_pid(daemon)
             ticks_at_kill.append(daemon.ask("status")["loop"]["ticks"])
             os.kill(daemon.process.pid, signal.SIGKILL)
-            if random.random() < 0.5:
+            with_loop.append(random.random() < 0.5)
+            if with_loop[-1]:
                 os.kill(pid, signal.SIGKILL)
             daemon.process.wait()
             wait_until(lambda pid=pid: not alive(pid))
-            assert "did not end in order" in start_anew(daemon), kill
+            said = start_anew(daemon)
+            assert f"did not end in order: its supervisor {KILLED[with_loop[-1]]}" in said, kill
+            assert "of earlier runs are unfinished" in said
+            assert "Traceback" not in said
         assert daemon.end() == 0, daemon.said
-    *killed, _ = (stored.path for stored in stored_logs(daemon.logs, "bench"))
-    lost_s = []
-    for path, ticks in zip(killed, ticks_at_kill, strict=True):
-        no_row_is_missing(path)
-        last = pq.read_table(path, columns=["tick"])["tick"][-1].as_py()
-        lost_s.append(max(0.0, (ticks - last) / RATE_HZ))
-    print(
-        f"{kills} kills: at most {max(lost_s):.2f} s lost, {np.median(lost_s):.2f} s in the median"
-    )
-    assert max(lost_s) < 1.0
+    *killed, last = (stored.path for stored in stored_logs(daemon.logs, "bench"))
+    every_log_ends_at_its_kill(killed, ticks_at_kill)
+    for log, both in zip(killed, with_loop, strict=True):
+        states = pq.read_table(log, columns=["x.state"])["x.state"]
+        assert states[0].as_py() == AxisState.OFF
+        assert (states[-1].as_py() == AxisState.RUNNING) or not both
+    assert pq.read_table(last, columns=["x.state"])["x.state"][0].as_py() == AxisState.OFF
 
 
 @pytest.mark.slow
