@@ -11,10 +11,12 @@ from typing import Any
 import pytest
 import yaml
 from daemon_rig import Daemon, bench_config
+from refine_bench import THETA, axis_diagnosis, cogging, found
 from typer.testing import CliRunner
 
 from motorctl.cli import make_app
 from motorctl.close_loop import machine_rig, telling
+from motorctl.close_loop import rounds as rounds_module
 from motorctl.close_loop.motion import Motions
 from motorctl.close_loop.rigs import BrokenOffError
 from motorctl.daemon.client import Client
@@ -22,17 +24,26 @@ from motorctl.daemon.running_machine import machine_of_daemon
 from motorctl.errors import MotorctlError, UsageError
 from motorctl.experiment.candidates import Candidate
 from motorctl.experiment.session import Experiment, Standing
+from motorctl.identify.columns.measured import measured
 from motorctl.identify.diagnose.report.motion_advice import Stroke
-from motorctl.log import read_recording
+from motorctl.identify.diagnose.result import RecordingDiagnosis
+from motorctl.log import Recording, read_recording
 
 pytestmark = [pytest.mark.wall_clock(lanes=3), pytest.mark.slow]
+
+OF_THETA = (
+    "inertia", "viscous_friction", "coulomb_friction", "offset", "em_quadratic", "em_cubic"
+)  # fmt: skip
+"""What the parameters of the simulated gantry are of."""
 
 
 @pytest.fixture(scope="module")
 def daemon(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Daemon]:
     document = yaml.safe_load(bench_config("shuttle"))
     shuttle = document["programs"]["shuttle"]
-    document["programs"]["beside"] = shuttle | {"axis": "y", "distance_m": 0.04}
+    # brisk: what is made for the machine is as fast as its own motion, and over all its travel
+    shuttle |= {"distance_m": 0.2, "max_velocity_m_s": 0.5, "max_acceleration_m_s2": 2}
+    document["programs"]["beside"] = shuttle | {"axis": "y", "distance_m": 0.16}
     document["axes"]["y"]["program"] = "beside"
     with Daemon(tmp_path_factory.mktemp("close"), yaml.safe_dump(document)) as running:
         yield running
@@ -61,6 +72,18 @@ def test_a_configuration_of_another_machine_is_refused_with_the_key(daemon: Daem
     assert daemon.state("x") == "off"
 
 
+def given_diagnosis(recording: Recording, models: Any, *_: Any) -> RecordingDiagnosis:
+    """Find what the simulated gantry has and the configuration has not: cogging, on axis x."""
+    cogs, theta = cogging("x")
+    effects = {"x": (found(cogs, theta, 5000.0),), "y": ()}
+    axes = {}
+    for name, declared in models.items():
+        truth = dict(zip(OF_THETA, THETA[name], strict=True))
+        theta = [truth[effect] for effect in declared.names]
+        axes[name] = axis_diagnosis(measured(recording, name), declared, effects[name], theta)
+    return RecordingDiagnosis(recording.source, 400.0, recording.duration_s, axes)
+
+
 @pytest.mark.slow
 def test_what_breaks_it_off_stops_the_axes_and_resume_goes_on(
     daemon: Daemon, monkeypatch: pytest.MonkeyPatch
@@ -77,6 +100,7 @@ def test_what_breaks_it_off_stops_the_axes_and_resume_goes_on(
         waited(self, names, seconds, progress)
 
     monkeypatch.setattr(machine_rig.MachineRig, "_wait", interrupted)
+    monkeypatch.setattr(rounds_module, "diagnose_recording", given_diagnosis)
     broken_off = asked(daemon, daemon.config, *words)
     assert broken_off.exit_code != 0
     assert "keeps 1 of 2 motions that were begun" in broken_off.stderr
@@ -89,6 +113,7 @@ def test_what_breaks_it_off_stops_the_axes_and_resume_goes_on(
     assert len(runs) > before
     document = json.loads(result.stdout.splitlines()[-1])
     assert document["rounds"]
+    assert (out / "round_1" / "attempt_1" / "own.parquet").is_file()  # with another model
     assert (out / "refined.yaml").is_file()
 
 
