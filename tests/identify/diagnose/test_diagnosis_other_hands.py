@@ -16,6 +16,8 @@ from motorctl.identify.diagnose.report.json_document import axis_document
 from motorctl.model.sign_function import SHAPES as KNOWN_SHAPES
 
 SLOW = pytest.mark.slow
+LASTS_S = 12.0
+"""Of a recording: enough moves to tell all that is asked here."""
 FRICTIONS = [
     *((shape, 5e-3) for shape in SHAPES),
     *((shape, 1e-3) for shape in ("tanh", "arctan", "clip")),
@@ -25,7 +27,7 @@ FRICTIONS = [
 @pytest.mark.slow
 @pytest.mark.parametrize(("shape", "width"), few_of(FRICTIONS, 2))
 def test_friction_of_another_shape_than_declared_is_mended_and_nothing_is_added(shape, width):
-    data = OtherPlant(shape=shape, width_m_s=width).run(seed=SHAPES.index(shape))
+    data = OtherPlant(shape=shape, width_m_s=width).run(SHAPES.index(shape), LASTS_S)
     found = diagnose_axis(data, C1)
     assert (found.verdict, found.effects) == ("complete", ()), found.sentence
     (mended,) = axis_document(found)["mended"]
@@ -39,13 +41,13 @@ def test_friction_of_another_shape_than_declared_is_mended_and_nothing_is_added(
 
 @pytest.mark.slow
 def test_a_friction_as_it_is_declared_is_not_touched():
-    found = diagnose_axis(OtherPlant(shape="arctan", width_m_s=1.0 / 900.0).run(seed=3), C1)
+    found = diagnose_axis(OtherPlant(shape="arctan", width_m_s=1.0 / 900.0).run(3, LASTS_S), C1)
     assert (found.verdict, found.mended) == ("complete", ())
 
 
 @SLOW
 def test_cogging_beside_a_soft_friction_is_cogging_alone():
-    found = diagnose_axis(OtherPlant(width_m_s=5e-3, cogging=0.05).run(seed=72), C1)
+    found = diagnose_axis(OtherPlant(width_m_s=5e-3, cogging=0.05).run(72, LASTS_S), C1)
     assert [effect.name for effect in found.effects] == ["cogging"]
     assert found.effects[0].effect.options.pitch_m == pytest.approx(0.06, rel=1e-3)
     assert [term.name for term in found.mended] == ["coulomb_friction"]
@@ -63,21 +65,21 @@ JOINT = OtherPlant(
 
 @SLOW
 def test_a_joint_that_is_nearly_all_friction_is_a_joint_and_no_mistake():
-    found = diagnose_axis(JOINT.run(seed=5), C1)
+    found = diagnose_axis(JOINT.run(5, LASTS_S), C1)
     assert found.theta[2] == pytest.approx(0.6, rel=0.1)
 
 
 @SLOW
 def test_gravity_that_outweighs_inertia_is_no_reversed_sign():
     hanging = replace(JOINT, gravity=-4.0, coulomb=0.1)
-    found = diagnose_axis(hanging.run(seed=6), C1)
+    found = diagnose_axis(hanging.run(6, LASTS_S), C1)
     assert found.verdict in ("effect", "unknown_structure")
     assert all("position" in effect.name for effect in found.effects)
 
 
 @pytest.mark.parametrize("gravity", [0.0, -4.0])
 def test_a_reversed_sign_is_told_with_gravity_and_without(gravity):
-    data = replace(JOINT, gravity=gravity).run(seed=7)
+    data = replace(JOINT, gravity=gravity).run(7, LASTS_S)
     with pytest.raises(DataError, match="the sign of one of the two is reversed"):
         diagnose_axis(replace(data, command=-data.command), C1)
 
@@ -85,7 +87,7 @@ def test_a_reversed_sign_is_told_with_gravity_and_without(gravity):
 @pytest.mark.slow
 def test_another_axis_command_is_told():
     plant = OtherPlant()
-    data, other = plant.run(seed=8), plant.run(seed=9)
+    data, other = plant.run(8, LASTS_S), plant.run(9, LASTS_S)
     with pytest.raises(DataError, match="of the same axis, in time with each other"):
         diagnose_axis(replace(data, command=other.command), C1)
 
