@@ -13,17 +13,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import fft
 
+from motorctl.identify.columns.at_rest import COUNTS_PER_PERIOD, at_rest
 from motorctl.identify.columns.command_timing import CommandPath
 from motorctl.identify.columns.filters import second_difference
 from motorctl.identify.columns.measured import Measured
 from motorctl.identify.columns.position_noise import velocity_noise_rms
 from motorctl.identify.columns.signals import STUCK_PERIODS, Signals
-from motorctl.identify.columns.stretches import (
-    COUNTS_PER_PERIOD,
-    at_rest,
-    command_for,
-    make_stretch,
-)
+from motorctl.identify.columns.stretches import command_for, make_stretch
 from motorctl.identify.diagnose.search.hypothesis import Hypothesis
 from motorctl.identify.diagnose.search.parameters import values_of
 from motorctl.model.columns import error_columns

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from scipy import fft
 
 from motorctl.errors import DataError
+from motorctl.identify.columns.at_rest import COUNTS_PER_PERIOD, REST_RANGE, REST_S, at_rest
 from motorctl.identify.columns.command_timing import AT_ONCE, CommandPath, held_parts
 from motorctl.identify.columns.filters import second_difference
 from motorctl.identify.columns.kept_spectra import KeptSpectra, Spectra, Spectrum
@@ -30,12 +31,8 @@ from motorctl.identify.columns.position_noise import (
 from motorctl.identify.columns.repetition import period_of
 from motorctl.identify.columns.rows import Rows
 from motorctl.identify.columns.stretches import (
-    COUNTS_PER_PERIOD,
-    REST_RANGE,
-    REST_S,
     TRIM_PERIODS,
     Stretch,
-    at_rest,
     make_stretch,
     quiet_band_hz,
     quiet_velocity,

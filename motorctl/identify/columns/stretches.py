@@ -1,4 +1,4 @@
-"""One stretch of a recording without a gap: its motion, its columns, and where it is at rest."""
+"""One stretch of a recording without a gap: its motion, and its columns."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy import fft
-from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
 from motorctl.identify.columns.filters import second_difference
 from motorctl.identify.columns.measured import Measured
@@ -31,42 +30,6 @@ delays reversals too much. Chosen by hand."""
 QUIET_STEPS = 4
 """Steps of that band in an octave: slopes that are alike share one. More takes time, fewer changes
 the band where friction's slope is fitted. Chosen by hand."""
-REST_S = 0.06
-"""Shortest standstill that counts as a rest [s]. Smaller takes the turning points of a move for
-rests, larger keeps rests that say nothing. Chosen by hand."""
-REST_EDGE_S = 0.03
-"""What of a rest is kept at each end [s]: how friction lets go is seen there. Larger keeps rows
-that say nothing, smaller hides the breakaway. Chosen by hand."""
-STICK_S = 0.02
-"""Shortest time that an axis stays within what its encoder shows, to stick [s]. Larger keeps rows
-in which friction is whatever the command is, smaller takes slow motion for sticking. Chosen by
-hand: machines of other hands stick for 40 to 80 ms at a reversal."""
-FEWEST_STUCK_SAMPLES = 4
-"""The same in samples, at low rates. Fewer take a slow clock's repeats for sticking. Chosen by
-hand."""
-TOLD_APART = 8e-3
-"""Part of the top speed: an encoder that cannot tell slower motion from a rest within that time
-shows no sticking. Larger drops slow motion behind coarse encoders, smaller keeps sticking. Chosen
-by hand."""
-COUNTS_PER_PERIOD = 1.0
-"""Counts that a coarse encoder passes in a period of the band's end, below which its steps are no
-motion that the rows could show. Larger drops slow motion, smaller takes an encoder's stairs for
-forces. Chosen on six machines of other hands, of 0.5, 1 and 2: half a count leaves more
-unexplained, two find no other effect."""
-MOST_SLOW = 0.5
-"""Part of a stretch that may be dropped for it. Larger leaves too little of slow recordings,
-smaller keeps the stairs. Chosen by hand."""
-REST_SPEED = 3.0
-"""Speed, in multiples of the velocity noise's rms, below which the axis may be at rest. Larger
-throws away slow motion, smaller takes noise for motion. Convention: three standard deviations."""
-REST_RANGE = 14.0
-"""Range of the position, in multiples of its noise's rms, that is rest as well: some four counts,
-within which friction's bristles bend unseen. Larger throws away slow motion, smaller keeps rests.
-Arithmetic: a count's rounding has an rms of 1/sqrt(12), so 14 / sqrt(12) = 4.04 counts; that it is
-four was chosen by hand on the simulated campaign."""
-REST_PART = 1e-3
-"""Part of the top speed that creeping at rest stays below. Larger throws away slow motion, smaller
-keeps rests whose position hunts. Chosen by hand."""
 INVERSION_STEPS = 15
 """Times that the command is put into its own input map: it converges by the map's slope each time.
 More takes time, fewer leaves the command of steep maps short. Arithmetic: a slope of 0.5, of a worm
@@ -233,98 +196,3 @@ def smoothed(position: Array, cutoff_hz: float, period_s: float) -> Array:
     spectrum *= np.exp(-((frequency / cutoff_hz) ** 8) * math.log(2.0))
     smooth = fft.irfft(spectrum, size)[: len(extended)] + ramp
     return np.asarray(smooth[pad : pad + n])
-
-
-def at_rest(
-    stretch: Stretch,
-    row_period_s: float,
-    decimation: int,
-    velocity_noise: float,
-    noise: float,
-    margin_s: float,
-    slowest: float,
-) -> NDArray[np.bool_]:
-    """Find the rows of rests, where friction is no function of velocity.
-
-    Parameters
-    ----------
-    stretch
-        The motion.
-    row_period_s, decimation
-        Time between rows [s], and the samples of one.
-    velocity_noise, noise
-        Rms of the noise of velocity and of position, in the position's unit (per second).
-    margin_s
-        As far as the rows' filter reaches [s].
-    slowest
-        Speed below which the encoder's counts come too seldom for the rows to show motion.
-
-    Returns
-    -------
-    ndarray
-        Which rows are dropped, (m,).
-    """
-    x, v = stretch.x[::decimation], stretch.v[::decimation]
-    top = float(np.percentile(np.abs(stretch.v), 99.0))
-    within = min(REST_RANGE * noise, REST_PART * top * REST_S)
-    still = np.abs(v) < REST_SPEED * velocity_noise
-    still |= _stays(x, within, max(3, round(REST_S / row_period_s)))
-    return _inside_of_rests(still, row_period_s) | sticks(
-        stretch, row_period_s, decimation, noise, margin_s, slowest
-    )
-
-
-def sticks(
-    stretch: Stretch,
-    row_period_s: float,
-    decimation: int,
-    noise: float,
-    margin_s: float,
-    slowest: float,
-) -> NDArray[np.bool_]:
-    """Find the rows in which the axis sticks: there friction is whatever the command asks of it.
-
-    An encoder that is too coarse to tell that shows stairs instead of slow motion: where its counts
-    come too seldom, the rows are dropped as well.
-
-    Parameters
-    ----------
-    stretch, row_period_s, decimation, noise, slowest
-        As of `at_rest`.
-    margin_s
-        What is dropped on each side of it [s]: as far as the rows' filter reaches.
-
-    Returns
-    -------
-    ndarray
-        Which rows are dropped, (m,).
-    """
-    period_s = row_period_s / decimation
-    size = max(FEWEST_STUCK_SAMPLES, round(STICK_S / period_s))
-    within = REST_RANGE * noise
-    if within > TOLD_APART * np.percentile(np.abs(stretch.v), 99.0) * STICK_S:
-        stuck, size = np.abs(stretch.v) < slowest, 1
-        if np.mean(stuck) > MOST_SLOW:
-            stuck = np.zeros_like(stuck)
-    else:
-        stuck = _stays(stretch.x, within, size)
-    reach = size + 2 * round(margin_s / period_s)
-    return np.asarray(maximum_filter1d(stuck.astype(np.int8), reach)[::decimation] > 0)
-
-
-def _stays(x: Array, within: float, size: int) -> NDArray[np.bool_]:
-    """Return where the position stays within a range, hunting included, for so many samples."""
-    highest: Array = maximum_filter1d(x, size)
-    lowest: Array = minimum_filter1d(x, size)
-    return np.asarray(highest - lowest < within)
-
-
-def _inside_of_rests(still: NDArray[np.bool_], period_s: float) -> NDArray[np.bool_]:
-    """Find the inside of long rests, where friction is no function of velocity."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], still, [False]]).astype(np.int8)))
-    result = np.zeros(len(still), dtype=np.bool_)
-    keep = round(REST_EDGE_S / period_s)
-    for start, stop in zip(edges[::2], edges[1::2], strict=True):
-        if (stop - start) * period_s > REST_S + 2 * REST_EDGE_S:
-            result[start + keep : stop - keep] = True
-    return result

@@ -11,10 +11,12 @@ from other_plant import OtherPlant
 from tiers import few_of
 
 from motorctl.errors import DataError
+from motorctl.identify.columns.at_rest import sticks
 from motorctl.identify.columns.measured import Measured
+from motorctl.identify.columns.reversals import slow_reversal
 from motorctl.identify.columns.signals import make_signals
-from motorctl.identify.columns.spans import slow_reversal, spans_of
-from motorctl.identify.columns.stretches import Stretch, sticks
+from motorctl.identify.columns.spans import spans_of
+from motorctl.identify.columns.stretches import Stretch
 from motorctl.identify.diagnose.recording import diagnose_axis
 from motorctl.identify.diagnose.search.declared_shape import reshaped
 from motorctl.identify.diagnose.search.forms import is_corner, measure
@@ -55,8 +57,26 @@ def test_rows_in_which_an_axis_sticks_are_dropped_and_no_others(margin_s):
     assert found.sum() * PERIOD_S == pytest.approx(0.1 + 2.0 * margin_s, abs=2e-3)
 
 
-def test_the_turning_point_of_a_reversal_is_kept():
-    assert not dropped(0.25 * (T - 1.0) ** 2, 1e-7).any()
+def turn(came, left, stuck_s=0.0, same_way=False):
+    """Return a position that comes to rest at 1 s, sticks, and leaves: accelerations in m/s^2."""
+    before, after = np.minimum(T - 1.0, 0.0), np.maximum(T - 1.0 - stuck_s, 0.0)
+    return (-1.0 if same_way else 1.0) * 0.5 * came * before**2 + 0.5 * left * after**2
+
+
+@pytest.mark.parametrize(("came", "left"), [(0.5, 0.5), (4.0, 0.5), (0.5, 20.0)])
+@pytest.mark.parametrize("same_way", [False, True])
+def test_the_turning_point_of_a_reversal_is_kept(came, left, same_way):
+    assert not dropped(turn(came, left, same_way=same_way), 1e-7).any()
+
+
+@pytest.mark.parametrize(("came", "left"), [(0.5, 0.5), (4.0, 0.5), (20.0, 20.0)])
+@pytest.mark.parametrize("same_way", [False, True])
+@pytest.mark.parametrize("noise", [1e-7, 2e-6])
+def test_a_stick_that_is_shorter_than_a_slow_turn_is_dropped(came, left, same_way, noise):
+    found = dropped(turn(came, left, stuck_s=0.012, same_way=same_way), noise)
+    assert found[(T > 1.0) & (T < 1.012)].all()
+    turning_s = np.sqrt(2.0 * 14.0 * noise) * (came**-0.5 + left**-0.5)
+    assert 0.012 <= found.sum() * PERIOD_S < 0.012 + turning_s + 4e-3
 
 
 def test_slow_motion_that_the_encoder_shows_is_kept():

@@ -11,8 +11,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from motorctl.identify.columns.reversals import turning_points
 from motorctl.identify.columns.signals import Signals
-from motorctl.identify.columns.spans import turning_points
 from motorctl.identify.diagnose.search.hypothesis import Hypothesis
 from motorctl.model import Effect
 
