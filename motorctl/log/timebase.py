@@ -306,8 +306,12 @@ def _require_increasing(table: Table, name: str, values: NDArray[Any]) -> None:
 
 def _way_out(time_s: Array) -> str:
     """Return what to do with times of which some are the same."""
-    rate = (len(time_s) - 1) / float(np.ptp(time_s)) if np.ptp(time_s) > 0.0 else 0.0
-    on_average = f": {rate:.6g}, its rows over its time," if rate and rate < HIGHEST_RATE_HZ else ""
+    steps = np.diff(time_s)
+    run_s = float(np.sum(steps[steps <= longest_step(time_s)])) if np.ptp(time_s) > 0.0 else 0.0
+    rate = np.count_nonzero(steps <= longest_step(time_s)) / run_s if run_s > 0.0 else 0.0
+    on_average = ""
+    if 0.0 < rate < HIGHEST_RATE_HZ:
+        on_average = f": {rate:.6g}, its rows over its time but for pauses,"
     return (
         ": the clock has too few digits, or rows were written twice. Where samples are evenly "
         f"spaced, describe the file in YAML with sample_rate_hz{on_average} in place of time; else "

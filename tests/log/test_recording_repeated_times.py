@@ -45,9 +45,24 @@ def test_of_two_rows_of_one_time_the_first_is_kept(tmp_path):
     assert command[700] == 2.0
 
 
-def test_more_than_one_row_in_a_thousand_that_stands_twice_is_refused(tmp_path):
-    with_times_twice(tmp_path, [700, 800, 900, 1000])
+TOO_MANY = [700, *range(900, 2100, 40)]
+
+
+def test_more_than_one_row_in_a_hundred_that_stands_twice_is_refused(tmp_path):
+    with_times_twice(tmp_path, TOO_MANY)
     with pytest.raises(
-        DataError, match=r"row 702 .* repeats 3\.5 .*; 4 of 3004 rows .* stand twice"
+        DataError, match=r"row 702 .* repeats 3\.5 .*; 31 of 3031 rows .* stand twice"
     ):
+        read_recording(tmp_path / "a.yaml")
+
+
+def test_the_rate_that_is_proposed_instead_knows_of_pauses(tmp_path):
+    with_times_twice(tmp_path, TOO_MANY)
+    lines = (tmp_path / "a.csv").read_text().splitlines()
+    header, rows = lines[0], [line.split(",") for line in lines[1:]]
+    clock = header.split(",").index("time_s")
+    for row in rows[2500:]:
+        row[clock] = repr(float(row[clock]) + 7.0)
+    (tmp_path / "a.csv").write_text("\n".join([header, *map(",".join, rows)]) + "\n")
+    with pytest.raises(DataError, match=r"sample_rate_hz: 20[12]\.\d+, its rows over its time but"):
         read_recording(tmp_path / "a.yaml")

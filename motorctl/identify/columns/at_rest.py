@@ -149,15 +149,15 @@ def _short_sticks(x: Array, within: float, period_s: float) -> NDArray[np.bool_]
     edges = np.diff(np.concatenate([[0], _stays(x, within, shortest), [0]]).astype(np.int8))
     for start, stop in zip(np.flatnonzero(edges > 0), np.flatnonzero(edges < 0), strict=True):
         place = float(np.median(x[start:stop]))
-        first = max(start - near, 0)
-        before = np.abs(x[first:start][::-1] - place)
+        before = np.abs(x[max(start - near, 0) : start][::-1] - place)
         after = np.abs(x[stop : stop + near] - place)
         way = 0.5 * within
-        inside = [_until(before, way), _until(after, way)]
-        around = [_until(before, 4.0 * way), _until(after, 4.0 * way)]
-        stayed = stop - start + 2 * sum(inside) - sum(around)
-        if stayed >= shortest:
-            found[start - inside[0] : stop + inside[1]] = True
+        first, last = (
+            edge + sign * (2 * _until(side, way) - _until(side, 4.0 * way))
+            for edge, sign, side in ((start, -1, before), (stop, 1, after))
+        )
+        if last - first >= shortest:
+            found[max(first, 0) : last] = True
     return found
 
 

@@ -46,7 +46,7 @@ def reshaped(hypothesis: Hypothesis, spans: Spans, quick: bool = False) -> Hypot
     if sign_of(hypothesis.regressors.declared.effects) is None:
         return None
     tried = EXTREMES if quick else SHAPES
-    shapes = [_best_slope(hypothesis, shape, spans, quick) for shape in tried]
+    shapes = [with_best_slope(hypothesis, shape, spans, quick) for shape in tried]
     return min(filter(_takes_energy, shapes), key=lambda h: h.solution.sse, default=None)
 
 
@@ -66,7 +66,14 @@ def _takes_energy(hypothesis: Hypothesis) -> bool:
     return float(power[forward].sum()) <= 0.0 and float(power[~forward].sum()) <= 0.0
 
 
-def _best_slope(hypothesis: Hypothesis, shape: Shape, spans: Spans, quick: bool) -> Hypothesis:
+def with_best_slope(
+    hypothesis: Hypothesis, shape: Shape, spans: Spans, quick: bool = False
+) -> Hypothesis:
+    """Return the hypothesis with friction of this shape and the slope that leaves least.
+
+    quick finds the slope roughly.
+    """
+
     def at(log_slope: float) -> Hypothesis:
         return turning_over(hypothesis, Sign(math.exp(log_slope), shape))
 

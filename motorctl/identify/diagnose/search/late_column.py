@@ -1,9 +1,10 @@
-"""Resonances that are a command whose column was smoothed, or late, when it was recorded.
+"""Effects that are a command whose column was smoothed, or late, when it was recorded.
 
 A drive that tells its current tells it filtered. Its column then falls behind the acceleration the
-more, the faster both change, as the force does on a part that hangs on a spring. With the recorded
-command on the left this is a hypothesis of equal standing with one number, where a resonance has
-three: so it is asked.
+more, the faster both change, as the force does on a part that hangs on a spring; and it turns over
+after the motion did, as bristles and gaps do. With the recorded command on the left this is a
+hypothesis of equal standing with one number, where a resonance, bristles or a gap have more: so it
+is asked.
 """
 
 from __future__ import annotations
@@ -12,18 +13,26 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from motorctl.identify.columns.command_timing import CommandPath, RecordedLate
 from motorctl.identify.diagnose.search.acceptance import AS_WELL
 from motorctl.identify.diagnose.search.hypothesis import Hypothesis
 from motorctl.model import Effect
 
+Array = NDArray[np.float64]
+
 AROUND = 4.0
 """Factor by which the times that are tried lie below and above that of the resonance, 1/omega.
 Larger takes time, smaller misses filters that act farther away from it. Chosen by hand."""
 TRIED = 9
 """Times that are tried, of each kind. More takes time, fewer steps over the best one. Arithmetic:
-neighbours are the root of two apart."""
+neighbours are a factor of 1.4 to 1.6 apart."""
+
+
+AT_TURNS_S = (1e-3, 0.04)
+"""Shortest and longest time that is tried where an effect acts at turns [s]. Wider takes time,
+narrower misses loggers. Chosen by hand: a current of an arm was recorded 15 to 30 ms late."""
 
 
 @dataclass(frozen=True)
@@ -41,14 +50,15 @@ class _OfLateColumn(Hypothesis):
 
 
 def as_late_column(final: Hypothesis) -> tuple[Effect, str] | None:
-    """Return a resonance that a late column explains as well with one number, and what to say."""
+    """Return an effect that a late column explains as well with one number, and what to say."""
     if final.regressors.side != "command":
         return None
     for effect in final.added:
-        if "resonance" not in effect.groups or not effect.lines:
+        times_s = _times_s(effect)
+        if times_s is None:
             continue
         rest = final.without(effect.name).refreshed()
-        left, smoothed_s, late_s = _best(rest, 1.0 / (2.0 * math.pi * min(effect.lines)))
+        left, smoothed_s, late_s = _best(rest, times_s)
         if left > AS_WELL * final.held_out:
             continue
         kind = "smoothed over" if smoothed_s else "late by"
@@ -56,16 +66,26 @@ def as_late_column(final: Hypothesis) -> tuple[Effect, str] | None:
             f"{effect.name} is refuted: a command whose column is {kind} "
             f"{1e3 * max(smoothed_s, late_s):.2g} ms leaves "
             f"{100.0 * left / rest.held_out:.0f} % of the squared error, this "
-            f"{100.0 * final.held_out / rest.held_out:.0f} %, with two numbers more. Record the "
+            f"{100.0 * final.held_out / rest.held_out:.0f} %, with more numbers. Record the "
             "command as it was sent, before any filter"
         )
     return None
 
 
-def _best(rest: Hypothesis, time_s: float) -> tuple[float, float, float]:
+def _times_s(effect: Effect) -> Array | None:
+    """Return the times that are tried instead of an effect, None where none could be it."""
+    if "resonance" in effect.groups and effect.lines:
+        time_s = 1.0 / (2.0 * math.pi * min(effect.lines))
+        return np.geomspace(time_s / AROUND, AROUND * time_s, TRIED)
+    if effect.kind == "state" and type(effect).remembers():
+        return np.geomspace(*AT_TURNS_S, TRIED)
+    return None
+
+
+def _best(rest: Hypothesis, times_s: Array) -> tuple[float, float, float]:
     """Return the least held-out squared error, and how long a column is smoothed or late."""
     found = []
-    for tried in time_s * np.geomspace(1.0 / AROUND, AROUND, TRIED):
+    for tried in times_s:
         for smoothed_s, late_s in ((float(tried), 0.0), (0.0, float(tried))):
             model = _OfLateColumn(
                 rest.regressors, rest.added, rest.acceleration, smoothed_s, late_s

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from motorctl.identify.diagnose.search.acceptance import AS_WELL, acceptable, gain
-from motorctl.identify.diagnose.search.declared_shape import reshaped
+from motorctl.identify.diagnose.search.declared_shape import EXTREMES, reshaped, with_best_slope
 from motorctl.identify.diagnose.search.forms import NEAR, Form, is_corner
 from motorctl.identify.diagnose.search.hypothesis import Hypothesis
 from motorctl.identify.diagnose.search.physics import beyond_physics
@@ -24,6 +24,10 @@ exactly, smaller hides them in the shape. Chosen by hand."""
 FRICTIONS = 4
 """Effects of friction that are tried beside another shape of it, at most. More takes time, fewer
 misses the right one where the wrong shape hides it. Chosen by hand."""
+
+TURNS = 2
+"""Times that an effect and a shape of friction are fitted one after the other. More takes time,
+fewer leave both bent to each other. Chosen by hand on a stage with Stribeck's friction."""
 
 
 @dataclass(frozen=True)
@@ -65,9 +69,8 @@ def mended(
     tried = [reshaped(hypothesis.plus(form.effect), spans, quick=True) for form in frictions]
     trials = [trial for trial in tried if trial is not None]
     both = min(trials, key=lambda h: h.held_out, default=None)
-    both = None if both is None else reshaped(both, spans)
+    both = None if both is None else _fitted_in_turn(both, spans)
     if both is not None:
-        both = settled(both, spans)
         much = MUCH_MORE * min(alone.held_out, frictions[0].held_out)
         beside = Form(both.added[-1], both.solution.sse, both.held_out)
         fits = both.held_out < much and acceptable(alone, beside, noise, spans, least)
@@ -79,6 +82,22 @@ def mended(
     best = 0.0 if rival is None else gain(hypothesis, rival.held_out)
     enough = max(least, MENDED_FIRST * best)
     return Mended(alone, alone) if gain(hypothesis, alone.held_out) >= enough else None
+
+
+def _fitted_in_turn(both: Hypothesis, spans: Spans) -> Hypothesis | None:
+    """Return an effect beside friction's shape, each fitted anew after the other, or None.
+
+    From the best shape, and from each of those that differ most: the effect was fitted beside the
+    shape that was declared, and bent itself to what that leaves.
+    """
+    reached = [reshaped(both, spans)]
+    for shape in EXTREMES:
+        each = both
+        for _ in range(TURNS):
+            each = settled(with_best_slope(each, shape, spans), spans)
+        reached.append(reshaped(each, spans))
+    found = [settled(each, spans) for each in reached if each is not None]
+    return min(found, key=lambda h: h.held_out, default=None)
 
 
 def without_unneeded(hypothesis: Hypothesis, spans: Spans) -> Hypothesis:
