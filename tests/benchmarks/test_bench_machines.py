@@ -387,6 +387,10 @@ def test_the_stairs_of_a_coarse_encoder_hide_no_lag():
         (MachineKey("energy", "force_ripple", 860), {"force_ripple"}),
         # the contact yields by three counts of a coarse encoder, which dry friction would not
         (MachineKey("scipy_ode", "presliding", 901), {"presliding"}),
+        # friction that turns over otherwise than declared, to which Stribeck's bends itself
+        (MachineKey("scipy_ode", "stribeck", 3200), {"stribeck"}),
+        # dry friction that holds the axis at its turns, for 10 to 50 ms
+        (MachineKey("mujoco", "none", 2900), set()),
     ],
     ids=str,
 )

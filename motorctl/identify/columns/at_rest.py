@@ -23,6 +23,10 @@ hand: machines of other hands stick for 8 to 80 ms at a reversal."""
 SHORTEST_STICK_S = 5e-3
 """Shortest time that it sticks, beside what a turn takes there [s]. Larger keeps short sticks,
 smaller takes turns for sticks. Chosen by hand, as for `STICK_S`."""
+HELD = 0.2
+"""Spread of the command while an axis sticks, over its rms in all, from which friction is seen to
+hold it. Larger keeps sticks, smaller drops rests that tell a weight. Chosen by hand: between what
+dry friction and what a weight held by a little of it show on machines of other hands."""
 NEAR_S = 0.5
 """How long before and after a stick its motion is looked at [s]. Larger takes time, smaller takes
 slow turns for sticks. Chosen by hand."""
@@ -127,7 +131,7 @@ def sticks(
     else:
         size = max(FEWEST_STUCK_SAMPLES, round(STICK_S / period_s))
         stuck = _reaching(_stays(stretch.x, within, size), size)
-        stuck |= _short_sticks(stretch.x, within, period_s)
+        stuck |= _held(stretch.x, stretch.command, within, period_s)
     return _reaching(stuck, 1 + 2 * round(margin_s / period_s))[::decimation]
 
 
@@ -136,15 +140,17 @@ def _reaching(found: NDArray[np.bool_], size: int) -> NDArray[np.bool_]:
     return np.asarray(maximum_filter1d(found.astype(np.int8), size) > 0)
 
 
-def _short_sticks(x: Array, within: float, period_s: float) -> NDArray[np.bool_]:
-    """Find where an axis stays in its place for longer than a turn would take it, (N,).
+def _held(x: Array, command: Array, within: float, period_s: float) -> NDArray[np.bool_]:
+    """Find where friction holds an axis in its place, against a command that changes, (N,).
 
-    At a steady acceleration it takes twice as long to go four times as far. So of the time T within
-    a way of the place, and the time T' within four times that, 2 T - T' was spent in the place,
-    whatever the accelerations were with which the axis came and went.
+    It stays there for longer than a turn would take it: at a steady acceleration it takes twice as
+    long to go four times as far, so of the time T within a way of the place, and the time T' within
+    four times that, 2 T - T' was spent in the place, whatever the accelerations were with which the
+    axis came and went.
     """
     shortest = max(FEWEST_STUCK_SAMPLES, round(SHORTEST_STICK_S / period_s))
     near = max(round(NEAR_S / period_s), 1)
+    rms = float(np.sqrt(np.mean(command**2)))
     found = np.zeros(len(x), dtype=np.bool_)
     edges = np.diff(np.concatenate([[0], _stays(x, within, shortest), [0]]).astype(np.int8))
     for start, stop in zip(np.flatnonzero(edges > 0), np.flatnonzero(edges < 0), strict=True):
@@ -156,9 +162,15 @@ def _short_sticks(x: Array, within: float, period_s: float) -> NDArray[np.bool_]
             edge + sign * (2 * _until(side, way) - _until(side, 4.0 * way))
             for edge, sign, side in ((start, -1, before), (stop, 1, after))
         )
-        if last - first >= shortest:
-            found[max(first, 0) : last] = True
+        first = max(first, 0)
+        if last - first >= shortest and _spread(command[first:last]) > HELD * rms:
+            found[first:last] = True
     return found
+
+
+def _spread(command: Array) -> float:
+    low, high = np.percentile(command, (5.0, 95.0))
+    return float(high - low)
 
 
 def _until(away: Array, way: float) -> int:

@@ -40,9 +40,9 @@ def test_a_motion_one_way_has_no_reversal():
     assert slow_reversal(np.zeros_like(T), 0.0, PERIOD_S) is None
 
 
-def dropped(x, noise, margin_s=0.0, slowest=0.0):
+def dropped(x, noise, margin_s=0.0, slowest=0.0, command=1.0):
     v = np.gradient(x, PERIOD_S)
-    stretch = Stretch(T, x, x, v, np.zeros_like(x), {}, v)
+    stretch = Stretch(T, x, x, v, np.broadcast_to(command, x.shape), {}, v)
     return sticks(stretch, PERIOD_S, 1, noise, margin_s, slowest)
 
 
@@ -73,10 +73,16 @@ def test_the_turning_point_of_a_reversal_is_kept(came, left, same_way):
 @pytest.mark.parametrize("same_way", [False, True])
 @pytest.mark.parametrize("noise", [1e-7, 2e-6])
 def test_a_stick_that_is_shorter_than_a_slow_turn_is_dropped(came, left, same_way, noise):
-    found = dropped(turn(came, left, stuck_s=0.012, same_way=same_way), noise)
-    assert found[(T > 1.0) & (T < 1.012)].all()
+    turns_over = np.clip((T - 1.0) / 0.006 - 1.0, -1.0, 1.0)
+    found = dropped(turn(came, left, stuck_s=0.012, same_way=same_way), noise, command=turns_over)
+    assert found[(T > 1.0003) & (T < 1.0117)].all()
     turning_s = np.sqrt(2.0 * 14.0 * noise) * (came**-0.5 + left**-0.5)
-    assert 0.012 <= found.sum() * PERIOD_S < 0.012 + turning_s + 4e-3
+    assert 0.0115 < found.sum() * PERIOD_S < 0.012 + turning_s + 4e-3
+
+
+def test_a_short_rest_under_a_command_that_stays_is_kept():
+    weight = 1.0 + 0.05 * np.sin(40.0 * T)
+    assert not dropped(turn(4.0, 4.0, stuck_s=0.012), 1e-7, command=weight).any()
 
 
 def test_slow_motion_that_the_encoder_shows_is_kept():

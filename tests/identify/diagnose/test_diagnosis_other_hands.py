@@ -11,8 +11,13 @@ from other_plant import SHAPES, OtherPlant
 from tiers import few_of
 
 from motorctl.errors import DataError
+from motorctl.identify.columns.signals import make_signals
 from motorctl.identify.diagnose.recording import diagnose_axis
 from motorctl.identify.diagnose.report.json_document import axis_document
+from motorctl.identify.diagnose.search.hypothesis import Hypothesis
+from motorctl.identify.diagnose.search.physics import beyond_physics
+from motorctl.identify.diagnose.search.search import whitened
+from motorctl.model import effect_class, make_effect
 from motorctl.model.sign_function import SHAPES as KNOWN_SHAPES
 
 SLOW = pytest.mark.slow
@@ -82,6 +87,22 @@ def test_a_reversed_sign_is_told_with_gravity_and_without(gravity):
     data = replace(JOINT, gravity=gravity).run(7, LASTS_S)
     with pytest.raises(DataError, match="the sign of one of the two is reversed"):
         diagnose_axis(replace(data, command=-data.command), C1)
+
+
+def test_a_weight_that_is_refuted_beside_a_reversed_sign_says_so():
+    plant = replace(JOINT, inertia=0.1, gravity=2.0)
+    data = replace(plant.run(seed=6, duration_s=12.0), position_unit="rad")
+    sine = make_effect(effect_class("gravity"), None)
+
+    def refuted(command):
+        signals = make_signals(replace(data, command=command), slope_s_m=900.0)
+        regressors, _ = whitened(signals, C1, (sine,), "command")
+        return beyond_physics(Hypothesis(regressors, (sine,)).refreshed())
+
+    assert refuted(data.command) is None
+    impossible = refuted(-data.command)
+    assert impossible is not None
+    assert "may be reversed in the recording" in impossible[1]
 
 
 @pytest.mark.slow

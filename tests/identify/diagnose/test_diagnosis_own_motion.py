@@ -105,6 +105,17 @@ def test_a_wave_over_time_stands_where_the_motion_is_not_in_step_with_it(positio
     assert motions_own_wave(found.final) is None
 
 
+def test_a_wave_beside_a_harmonic_is_refuted_where_the_harmonic_takes_nearly_as_much():
+    t = seconds(2.5 / PROGRAM_HZ)
+    in_step = 0.5 * np.sin(2.0 * np.pi * 2.0 * PROGRAM_HZ * t)
+    data = driven(of_program(t), in_step)
+    beside_hz = 2.0 * PROGRAM_HZ + 0.07 / t[-1]  # its phase leaves the motion's by 0.13 rad rms
+    found = outcome(data, made("periodic_disturbance", frequency_hz=beside_hz))
+    refuted = motions_own_wave(found.final)
+    assert refuted is not None
+    assert "2 cycles" in refuted[1]
+
+
 def to_and_fro(t):
     return 0.3 * np.sin(2.0 * np.pi * 0.4 * t)
 

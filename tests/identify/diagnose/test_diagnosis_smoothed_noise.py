@@ -23,7 +23,7 @@ from motorctl.model import effect_class, make_effect
 RATE_HZ = 100.0
 DURATION_S = 40.0
 SUBSTEPS = 20
-INERTIA, VISCOUS, DRY = 0.245, 0.21, 2.0
+INERTIA, VISCOUS, FRICTION = 0.245, 0.21, 2.0
 """Of a wheel on a motor [% s^2/rad], [% s/rad], [%]."""
 NOISE_RAD_S = 1.0
 SINES = ((0.05, 13.0), (0.15, 13.0), (0.475, 22.0), (0.025, 9.0), (0.175, 7.0))
@@ -41,7 +41,7 @@ def clean_wheel(sines=SINES) -> Measured:
     for row in range(rows):
         told[row] = speed
         for _ in range(SUBSTEPS):
-            force = command[row] - VISCOUS * speed - DRY * np.tanh(speed / 0.5)
+            force = command[row] - VISCOUS * speed - FRICTION * np.tanh(speed / 0.5)
             speed += step_s * force / INERTIA
     told += NOISE_RAD_S * np.random.default_rng(1).standard_normal(rows)
     position = np.concatenate([[0.0], np.cumsum(0.5 * (told[1:] + told[:-1])) / RATE_HZ])
@@ -115,6 +115,39 @@ def test_a_command_that_was_recorded_late_is_no_spring(smoothed_s, late_s):
 
 def test_a_spring_is_no_late_column():
     assert as_late_column(with_mode(SPRUNG.run(seed=5, duration_s=8.0), 15.0)) is None
+
+
+DRY = OtherPlant(
+    inertia=0.1, coulomb=1.0, shape="arctan", width_m_s=1.0 / 900.0, peak_acceleration=3.0,
+    bandwidth_hz=5.0,
+)  # fmt: skip
+
+
+def with_bristles(data: Measured, displacement_m: float) -> Hypothesis:
+    signals = make_signals(data, slope_s_m=900.0)
+    blocks = make_blocks(signals.rows, signals.row_period_s)
+    bristles = make_effect(effect_class("presliding"), {"displacement_m": displacement_m})
+    return Hypothesis(Regressors(signals, C1, blocks, "command")).plus(bristles).refreshed()
+
+
+def test_a_command_that_was_recorded_late_is_no_bristles():
+    late = with_bristles(recorded_late(DRY.run(seed=5, duration_s=8.0), 0.0, 0.02), 3e-4)
+    assert late.held_out < 0.6 * late.without("presliding").held_out
+    refuted = as_late_column(late)
+    assert refuted is not None
+    assert "late by" in refuted[1]
+
+
+def test_bristles_are_no_late_column():
+    data = LIVELY.run(seed=5, duration_s=8.0)
+    bent = with_bristles(data, 1e-3)
+    signals = bent.regressors.signals
+    (stretch,) = signals.stretches
+    force = stretch.columns(bent.added[0])[0]
+    pushed = np.interp(data.time_s, stretch.time_s, 0.3 * force)
+    there = with_bristles(replace(data, command=data.command + pushed), 1e-3)
+    assert there.held_out < 0.2 * there.without("presliding").held_out
+    assert as_late_column(there) is None
 
 
 def test_a_load_that_swings_where_the_command_is_stays():

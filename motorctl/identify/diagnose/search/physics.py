@@ -13,7 +13,7 @@ from motorctl.identify.diagnose.search.parameters import (
     theta_of,
     values_of,
 )
-from motorctl.identify.diagnose.search.whole_model import seen_inertia
+from motorctl.identify.diagnose.search.whole_model import GIVES, friction_power, seen_inertia
 from motorctl.model import Effect
 
 Array = NDArray[np.float64]
@@ -43,7 +43,10 @@ def beyond_physics(hypothesis: Hypothesis) -> tuple[Effect, str] | None:
     """Find an added effect with a parameter of a sign that makes no physical sense."""
     if inertia_is_negative(hypothesis):
         effect = hypothesis.added[-1]
-        return effect, f"{effect.name} is refuted: with it the inertia would be negative"
+        return effect, (
+            f"{effect.name} is refuted: with it the inertia would be negative"
+            f"{_friction_drives_too(hypothesis)}"
+        )
     values = values_of(hypothesis)
     largest = hypothesis.regressors.signals.largest_command
     for own in hypothesis.added:
@@ -69,6 +72,16 @@ def beyond_physics(hypothesis: Hypothesis) -> tuple[Effect, str] | None:
                 f"the recording is {largest:.3g}, and inertia resists with {resisting:.3g} at most"
             )
     return None
+
+
+def _friction_drives_too(hypothesis: Hypothesis) -> str:
+    """Return what to check where friction drives as well: gravity alone has either sign."""
+    if friction_power(hypothesis).given <= GIVES:
+        return ""
+    return (
+        ", and its friction would drive the axis: where both are so beside a force that explains "
+        "much, the sign of the command or of the position may be reversed in the recording"
+    )
 
 
 def holding_negatives(hypothesis: Hypothesis, name: str) -> Hypothesis | None:

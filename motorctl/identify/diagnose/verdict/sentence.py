@@ -108,7 +108,6 @@ def sentence_of(
             f"The model lacks something ({change}), but this motion cannot tell what: "
             f"{missing[0].why if missing else names}."
         )
-    return (
-        "The residual is only noise, but this motion could not have shown "
-        f"{', '.join(missing[0].effects)}."
-    )
+    only_noise = error.held_out_after_rms <= ABOVE_NOISE * error.noise_floor_rms
+    left = "The residual is only noise" if only_noise else f"The residual names nothing ({change})"
+    return f"{left}, but this motion could not have shown {', '.join(missing[0].effects)}."
