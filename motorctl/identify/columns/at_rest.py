@@ -153,7 +153,8 @@ def _held(x: Array, command: Array, within: float, period_s: float) -> NDArray[n
     rms = float(np.sqrt(np.mean(command**2)))
     found = np.zeros(len(x), dtype=np.bool_)
     edges = np.diff(np.concatenate([[0], _stays(x, within, shortest), [0]]).astype(np.int8))
-    for start, stop in zip(np.flatnonzero(edges > 0), np.flatnonzero(edges < 0), strict=True):
+    begun, left = np.flatnonzero(edges > 0).tolist(), np.flatnonzero(edges < 0).tolist()
+    for start, stop in zip(begun, left, strict=True):
         place = float(np.median(x[start:stop]))
         before = np.abs(x[max(start - near, 0) : start][::-1] - place)
         after = np.abs(x[stop : stop + near] - place)
