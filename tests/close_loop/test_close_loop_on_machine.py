@@ -114,6 +114,10 @@ def test_what_breaks_it_off_stops_the_axes_and_resume_goes_on(
     document = json.loads(result.stdout.splitlines()[-1])
     assert document["rounds"]
     assert (out / "round_1" / "attempt_1" / "own.parquet").is_file()  # with another model
+    log = out / "round_0" / "own.parquet"
+    alone = CliRunner().invoke(make_app(), ["diagnose", str(log), "--axis", "x", "--json"])
+    inertia = json.loads(alone.stdout)["axes"]["x"]["parameters"]["inertia"]["value"]
+    assert inertia == pytest.approx(THETA["x"][0], rel=0.5)  # of three seconds
     assert (out / "refined.yaml").is_file()
 
 

@@ -23,6 +23,9 @@ hand: machines of other hands stick for 8 to 80 ms at a reversal."""
 SHORTEST_STICK_S = 5e-3
 """Shortest time that it sticks, beside what a turn takes there [s]. Larger keeps short sticks,
 smaller takes turns for sticks. Chosen by hand, as for `STICK_S`."""
+FEWEST_STUCK_SAMPLES = 4
+"""Both in samples, at low rates. Fewer take a slow clock's repeats for sticking. Chosen by
+hand."""
 HELD = 0.2
 """Spread of the command while an axis sticks, over its rms in all, from which friction is seen to
 hold it. Larger keeps sticks, smaller drops rests that tell a weight. Chosen by hand: between what
@@ -30,9 +33,6 @@ dry friction and what a weight held by a little of it show on machines of other 
 NEAR_S = 0.5
 """How long before and after a stick its motion is looked at [s]. Larger takes time, smaller takes
 slow turns for sticks. Chosen by hand."""
-FEWEST_STUCK_SAMPLES = 4
-"""The same in samples, at low rates. Fewer take a slow clock's repeats for sticking. Chosen by
-hand."""
 TOLD_APART = 8e-3
 """Part of the top speed: an encoder that cannot tell slower motion from a rest within that time
 shows no sticking. Larger drops slow motion behind coarse encoders, smaller keeps sticking. Chosen
