@@ -307,8 +307,8 @@ def _require_increasing(table: Table, name: str, values: NDArray[Any]) -> None:
 def _way_out(time_s: Array) -> str:
     """Return what to do with times of which some are the same."""
     steps = np.diff(time_s)
-    run_s = float(np.sum(steps[steps <= longest_step(time_s)])) if np.ptp(time_s) > 0.0 else 0.0
-    rate = np.count_nonzero(steps <= longest_step(time_s)) / run_s if run_s > 0.0 else 0.0
+    run = steps[steps <= longest_step(time_s)]
+    rate = len(run) / float(run.sum()) if run.sum() > 0.0 else 0.0
     on_average = ""
     if 0.0 < rate < HIGHEST_RATE_HZ:
         on_average = f": {rate:.6g}, its rows over its time but for pauses,"

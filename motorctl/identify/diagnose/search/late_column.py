@@ -28,8 +28,6 @@ Larger takes time, smaller misses filters that act farther away from it. Chosen 
 TRIED = 9
 """Times that are tried, of each kind. More takes time, fewer steps over the best one. Arithmetic:
 neighbours are a factor of 1.4 to 1.6 apart."""
-
-
 AT_TURNS_S = (1e-3, 0.04)
 """Shortest and longest time that is tried where an effect acts at turns [s]. Larger takes slow
 feedback for a logger, smaller misses slow ones. Chosen by hand: a current of an arm was recorded 15

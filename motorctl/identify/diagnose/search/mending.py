@@ -24,7 +24,6 @@ exactly, smaller hides them in the shape. Chosen by hand."""
 FRICTIONS = 4
 """Effects of friction that are tried beside another shape of it, at most. More takes time, fewer
 misses the right one where the wrong shape hides it. Chosen by hand."""
-
 TURNS = 2
 """Times that an effect and a shape of friction are fitted one after the other. More takes time,
 fewer leave both bent to each other. Chosen by hand on a stage with Stribeck's friction."""
