@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from enum import IntFlag
+from functools import cache
 
 import numpy as np
 
@@ -35,6 +36,7 @@ LAW_GIVEN = (
 the same ones. Whatever is added here has to be given to `fill_settings`."""
 
 
+@cache  # one for all: a running loop need not put it together, nor look through it
 def law_settings(parameters: int) -> np.dtype[np.void]:
     """Return the layout of the settings record of the law.
 
@@ -81,6 +83,7 @@ def law_settings(parameters: int) -> np.dtype[np.void]:
     )
 
 
+@cache
 def law_state(parameters: int, context_size: int = 0, other_axes: int = 0) -> np.dtype[np.void]:
     """Return the layout of the state record of the law.
 

@@ -122,7 +122,7 @@ class LoopProcess:
 
         Raises RunError where it cannot be sent.
         """
-        sent = memoryview(pickle.dumps(order))
+        sent = memoryview(pickle.dumps(order, pickle.HIGHEST_PROTOCOL))
         try:
             while sent:
                 sent = sent[os.write(self._models_out, sent) :]

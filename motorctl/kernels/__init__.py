@@ -5,7 +5,7 @@ from motorctl.kernels.beside import CompilingBeside
 from motorctl.kernels.cache import kernels_cached
 from motorctl.kernels.generated import is_kept, load_generated, source_digest, specialise
 from motorctl.kernels.inner import inner_kernel
-from motorctl.kernels.sent import SentKernel, packed, unpacked
+from motorctl.kernels.sent import SentKernel, know_arguments, packed, unpacked
 from motorctl.kernels.telling import compiling_told
 
 __all__ = [
@@ -16,6 +16,7 @@ __all__ = [
     "inner_kernel",
     "is_kept",
     "kernels_cached",
+    "know_arguments",
     "load_generated",
     "packed",
     "source_digest",

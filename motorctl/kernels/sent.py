@@ -83,7 +83,7 @@ def packed(kernel: Any, *arguments: object) -> SentKernel:
         described.env_name,
         tuple(environments.items()),
         bytes(code),
-        tuple(map(_shape, arguments)),
+        know_arguments(*arguments),
     )
 
 
@@ -129,7 +129,7 @@ def unpacked(sent: SentKernel, *arguments: object) -> Callable[..., Any]:
     RunError
         Where it was compiled for others.
     """
-    if tuple(map(_shape, arguments)) != sent.arguments:
+    if know_arguments(*arguments) != sent.arguments:
         raise RunError(
             f"{sent.name} was compiled for other records than these: what is installed has changed "
             "since this process began; restart it"
@@ -138,6 +138,17 @@ def unpacked(sent: SentKernel, *arguments: object) -> Callable[..., Any]:
         with _numbas_lock:
             _entries[sent.entry] = _linked(sent)
     return _entries[sent.entry]
+
+
+def know_arguments(*arguments: object) -> tuple[Shape, ...]:
+    """Return what kernels are sent for, and keep it: to look through a dtype holds Python's lock.
+
+    Parameters
+    ----------
+    *arguments
+        What kernels will be called with that are unpacked in this process.
+    """
+    return tuple(map(_shape, arguments))
 
 
 def _linked(sent: SentKernel) -> Callable[..., Any]:

@@ -91,7 +91,7 @@ def main() -> int:
     before, after = pickle.load(sys.stdin.buffer)
     try:
         models = other_models(before, after)
-        made = pickle.dumps(models)
+        made = pickle.dumps(models, pickle.HIGHEST_PROTOCOL)
         try_models(before, models)
     except MotorctlError as error:
         sys.stderr.write(f"{' '.join(str(error).split())}\n")

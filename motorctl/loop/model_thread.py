@@ -16,6 +16,7 @@ from dataclasses import dataclass
 from motorctl.errors import MotorctlError
 from motorctl.loop.layout import MODELS_TOLD_BYTES
 from motorctl.loop.other_models import OtherModels
+from motorctl.loop.realtime import prefault
 from motorctl.loop.shared import LoopMemory
 from motorctl.loop.succession import Succession
 from motorctl.loop.tick import Tick
@@ -55,15 +56,21 @@ class ModelThread:
         self._memory = memory
         self._orders_fd = orders_fd
         self._last: Succession | None = None
+        self._ready = threading.Event()
         self._thread = threading.Thread(target=self._serve, name="models", daemon=True)
 
     def begin(self) -> int:
         """Start the thread, which then sleeps until it is sent an order; return its id."""
         self._thread.start()
+        self._ready.wait()
         assert self._thread.native_id is not None
         return self._thread.native_id
 
     def _serve(self) -> None:
+        try:
+            prefault()
+        finally:
+            self._ready.set()
         with os.fdopen(self._orders_fd, "rb") as pipe:
             while True:
                 try:

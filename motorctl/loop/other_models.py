@@ -74,8 +74,9 @@ class OtherModels:
     remembered: int
     """Numbers that the effects of one axis remember, at most."""
     settings_bytes: bytes
-    law_settings_bytes: bytes
-    laws_bytes: bytes
+    law_settings_bytes: bytearray
+    laws_bytes: bytearray
+    """The two that the laws write to: where they come from elsewhere, in place, without a copy."""
     tick: SentKernel
     take_over: SentKernel
 
@@ -86,13 +87,14 @@ class OtherModels:
     def laws(self, room: int) -> tuple[NDArray[np.void], NDArray[np.void], NDArray[np.int64]]:
         """Return the laws' settings (axes,) and states (axes,) as they begin, and `beside`.
 
-        room is how many parameters the loop's memory was made for.
+        room is how many parameters the loop's memory was made for. Once: what runs on them writes
+        to them.
         """
         beside = np.array(self.beside, np.int64)
         states = law_state(room, self.remembered, beside.shape[1])
         return (
-            np.frombuffer(bytearray(self.law_settings_bytes), law_settings(room)),
-            np.frombuffer(bytearray(self.laws_bytes), states),
+            np.frombuffer(self.law_settings_bytes, law_settings(room)),
+            np.frombuffer(self.laws_bytes, states),
             beside,
         )
 
@@ -143,8 +145,8 @@ def other_models(before: Machine, after: Machine) -> OtherModels:
             tuple(map(tuple, new.beside.tolist())),
             max(model.context_size for model in models),
             new.settings.tobytes(),
-            new.law_settings.tobytes(),
-            new.laws.tobytes(),
+            bytearray(new.law_settings.tobytes()),
+            bytearray(new.laws.tobytes()),
             new.packed(),
             packed(load_take_over(old_models, models, numbers), *arguments, 1, 0.0),
         )

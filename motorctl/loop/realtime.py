@@ -18,6 +18,7 @@ from motorctl.loop.vocabulary import Degraded
 MCL_CURRENT, MCL_FUTURE = 1, 2
 M_TRIM_THRESHOLD, M_MMAP_MAX = -1, -4
 PREFAULT_BYTES = 16 << 20
+"""Of each thread. By hand: a change of models takes a megabyte or two of it for two axes."""
 
 REASONS = {
     Degraded.NO_FIFO: "no SCHED_FIFO: the user lacks LimitRTPRIO or CAP_SYS_NICE",
@@ -88,7 +89,7 @@ def enter_realtime(settings: LoopSettings) -> Degraded:
     libc = ctypes.CDLL(None, use_errno=True)
     libc.mallopt(M_TRIM_THRESHOLD, -1)
     libc.mallopt(M_MMAP_MAX, 0)
-    _prefault(libc)
+    prefault()
     if libc.mlockall(MCL_CURRENT | MCL_FUTURE) != 0:
         degraded |= Degraded.NO_LOCKED_MEMORY
     degraded |= _pin(settings)
@@ -103,6 +104,21 @@ def enter_realtime(settings: LoopSettings) -> Degraded:
     if not _kernel_is_rt():
         degraded |= Degraded.KERNEL_NOT_RT
     return degraded
+
+
+def prefault() -> None:
+    """Let the calling thread have memory at hand that the kernel need not find page by page.
+
+    Each thread has its own. Where it has to be found, Python's lock is held meanwhile.
+    """
+    libc = ctypes.CDLL(None)
+    libc.malloc.restype = ctypes.c_void_p
+    libc.free.argtypes = (ctypes.c_void_p,)
+    block = libc.malloc(ctypes.c_size_t(PREFAULT_BYTES))
+    if block:
+        for offset in range(0, PREFAULT_BYTES, mmap.PAGESIZE):
+            ctypes.memset(block + offset, 0, 1)
+        libc.free(block)
 
 
 def enter_beside(thread_id: int, settings: LoopSettings) -> None:
@@ -193,13 +209,3 @@ def _kernel_is_rt() -> bool:
     with contextlib.suppress(OSError):
         return Path("/sys/kernel/realtime").read_text().strip() == "1"
     return "PREEMPT_RT" in os.uname().version
-
-
-def _prefault(libc: ctypes.CDLL) -> None:
-    libc.malloc.restype = ctypes.c_void_p
-    libc.free.argtypes = (ctypes.c_void_p,)
-    block = libc.malloc(ctypes.c_size_t(PREFAULT_BYTES))
-    if block:
-        for offset in range(0, PREFAULT_BYTES, mmap.PAGESIZE):
-            ctypes.memset(block + offset, 0, 1)
-        libc.free(block)

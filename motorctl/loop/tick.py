@@ -24,6 +24,7 @@ from motorctl.kernels import (
     SentKernel,
     compiling_told,
     kernels_cached,
+    know_arguments,
     packed,
     specialise,
     unpacked,
@@ -343,7 +344,8 @@ class Tick:
         return [f"drivers.{name}: {' '.join(str(note).split())}" for note in lines]
 
     def prepare(self) -> None:
-        """Let every driver do what is slow, before real time is entered."""
+        """Do what is slow, for the drivers and for other models, before real time is entered."""
+        know_arguments(*self._all_arguments())
         for driver in self.drivers.values():
             driver.prepare()
 

@@ -1,10 +1,10 @@
 """Notes each pause of one CPU until it or its starter is ended.
 
-`python pause_watch.py CPU FILE PRIORITY` with a real-time priority above those of the loop and the
-devices: nothing that a test starts may keep it waiting, so what it finds is what the computer
-itself took away, by its firmware or by the host of a virtual machine. With priority 0 it waits like
-any other work of that CPU, the kernel's own included, which hands over what loopback carries:
-behind the loops of tests beside, that may stand still for longer than a bus is waited for.
+`python pause_watch.py CPU FILE PRIORITY [NAP_S]` with a real-time priority above those of the loop
+and the devices: nothing that a test starts may keep it waiting, so what it finds is what the
+computer itself took away, by its firmware or by the host of a virtual machine. With priority 0 it
+waits like any other work of that CPU, the kernel's own included, which hands over what loopback
+carries: behind the loops of tests beside, that may stand still for longer than a bus is waited for.
 """
 
 from __future__ import annotations
@@ -20,8 +20,8 @@ from pathlib import Path
 PRIORITY = 98
 ORDINARY = 0
 NAP_S = 1e-3
-SHORTEST_S = 2e-3
-"""Shorter ones are not worth noting."""
+SHORTEST = 2
+"""Shorter ones, in naps, are not worth noting."""
 NOTE = struct.Struct("dd")
 """When a pause ended, on the monotonic clock, and how long it was, in seconds."""
 NOTES = 4096
@@ -32,6 +32,7 @@ MCL_CURRENT, MCL_FUTURE = 1, 2
 def main() -> None:
     """Watch one CPU."""
     cpu, path, priority, starter = int(sys.argv[1]), sys.argv[2], int(sys.argv[3]), os.getppid()
+    nap_s = float(sys.argv[4]) if len(sys.argv) > 4 else NAP_S
     os.sched_setaffinity(0, {cpu})
     if priority:
         os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(priority))
@@ -40,10 +41,10 @@ def main() -> None:
     ctypes.CDLL(None).mlockall(MCL_CURRENT | MCL_FUTURE)
     noted, last_s = 0, time.monotonic()
     while os.getppid() == starter:
-        time.sleep(NAP_S)
+        time.sleep(nap_s)
         now_s = time.monotonic()
-        if now_s - last_s - NAP_S > SHORTEST_S:
-            NOTE.pack_into(notes, NOTE.size * (noted % NOTES), now_s, now_s - last_s - NAP_S)
+        if now_s - last_s - nap_s > SHORTEST * nap_s:
+            NOTE.pack_into(notes, NOTE.size * (noted % NOTES), now_s, now_s - last_s - nap_s)
             noted += 1
         last_s = now_s
 
