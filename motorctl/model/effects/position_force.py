@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import cache
 from typing import Literal
 
 from numba import njit
@@ -57,11 +58,7 @@ class PositionForce(Effect):
     def parameters(self) -> tuple[Parameter, ...]:
         """Spring and cubic stiffness, or one for each spline but the last."""
         if self.options.knots is not None:
-            # all splines together are the offset
-            return tuple(
-                Parameter(f"knot_{j}", f"K_{j}", "V", -1e3, 1e3, 0.0, 1.0)
-                for j in range(self.options.knots[2] - 1)
-            )
+            return _of_splines(self.options.knots[2])
         spring = Parameter("spring", "K_1", "V/m", -1e5, 1e5, 0.0, 10.0)
         cubic = Parameter("cubic", "K_3", "V/m^3", -1e9, 1e9, 0.0, 1e4)
         return (spring,) if self.options.degree == 1 else (spring, cubic)
@@ -115,6 +112,14 @@ class PositionForce(Effect):
         cubic = [self.with_options(degree=3)] if line else []
         finer = finer_knots(self.options.knots, spans)
         return [*cubic, *(self.with_options(knots=knots) for knots in finer)]
+
+
+@cache
+def _of_splines(functions: int) -> tuple[Parameter, ...]:
+    """Return a parameter for each spline but the last: all together are the offset."""
+    return tuple(
+        Parameter(f"knot_{j}", f"K_{j}", "V", -1e3, 1e3, 0.0, 1.0) for j in range(functions - 1)
+    )
 
 
 @njit
