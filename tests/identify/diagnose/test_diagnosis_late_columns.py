@@ -45,6 +45,32 @@ def test_a_sensor_slower_than_the_log_is_read_at_its_own_rate(run, every, first)
     assert taken.command[5] == pytest.approx(run.command[index[5] : index[5] + every].mean())
 
 
+@pytest.mark.parametrize("apart", [(4,) * 40 + (5,), (4,) * 90 + (3,), (8, 9, 10, 10, 10, 11, 12)])
+def test_the_rows_of_a_new_position_may_slip(run, apart):
+    """Sensor and log have clocks of their own, or the logger does not wait for the sensor."""
+    new = np.cumsum(np.resize(apart, 1000))
+    new = np.concatenate([[0], new[new < len(run.position)]])
+    held = np.repeat(run.position[new], np.diff(np.append(new, len(run.position))))
+    taken, note = without_held(replace(run, position=held))
+    assert note is not None
+    assert taken.sample_rate_hz == pytest.approx(RATE_HZ / np.mean(apart), rel=0.01)
+    index = np.searchsorted(run.time_s, taken.time_s - 1e-9)
+    changed = np.flatnonzero(np.diff(held)) + 1
+    assert np.isin(changed[:-1], index).all()
+    assert np.array_equal(taken.position, held[index])
+    assert taken.command[5] == pytest.approx(run.command[index[5] : index[6]].mean())
+
+
+def test_a_slow_sensor_is_seen_beside_a_hole_that_is_filled_in(run):
+    position, usable = np.repeat(run.position[::4], 4), run.usable.copy()
+    usable[2000:7000] = False
+    position[2000:7000] = np.linspace(position[1999], position[7000], 5000)
+    taken, note = without_held(replace(run, position=position, usable=usable))
+    assert note is not None
+    assert taken.sample_rate_hz == pytest.approx(RATE_HZ / 4)
+    assert np.mean(taken.usable) == pytest.approx(np.mean(usable), abs=0.002)
+
+
 @pytest.mark.parametrize("counts", [3000, 300, 100])
 def test_the_counts_of_a_coarse_encoder_are_no_slow_sensor(run, counts):
     count = np.ptp(run.position) / counts
