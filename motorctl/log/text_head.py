@@ -26,6 +26,9 @@ _SEARCHED_ROWS = 300
 """Lines that are looked at where names do not stand in the first one. More takes time, fewer misses
 the table below the settings that an instrument writes above it. Chosen by hand: oscilloscopes write
 some twenty lines, data loggers up to a hundred."""
+_ROWS_FOR_DECIMALS = 50
+"""Lines in which the first number with a fraction is looked for. More takes time, fewer misses
+decimal commas behind a beginning of whole numbers. Chosen by hand."""
 _SHOWN = 4
 _SHOWN_CHARACTERS = 40
 
@@ -78,7 +81,7 @@ def read_head(path: Path, header_line: int | None, wanted: Collection[str]) -> H
 
 
 def _found_head(path: Path, wanted: Collection[str], encoding: str) -> Head:
-    lines = first_lines(path, 2, encoding)
+    lines = first_lines(path, _ROWS_FOR_DECIMALS, encoding)
     head = _plain_head(path, lines)
     row = next((line for line in lines[head.lines :] if not is_remark(line)), None)
     if row is None or _is_plain(row, head, wanted):
@@ -118,7 +121,7 @@ def _with_rows(
     header: str,
     headless: bool = False,
 ) -> Head:
-    """Return the head with what the first row shows: ends of rows, blanks in names, decimals."""
+    """Return the head with what the rows show: their ends, blanks in names, decimals."""
     row = lines[count] if count < len(lines) else ""
     ends = delimiter != BLANKS and row.rstrip(" ").endswith(delimiter)
     if ends and row.count(delimiter) == len(names):
@@ -126,8 +129,20 @@ def _with_rows(
     if delimiter == BLANKS and len(row.split()) != len(names):
         delimiter = ","  # one column, whose name may have blanks
         names = (header.strip(),)
-    comma = delimiter != "," and "," in row and "." not in row
-    return Head(names, count, delimiter, "," if comma else ".", headless)
+    return Head(names, count, delimiter, _decimal_point(lines[count:], delimiter), headless)
+
+
+def _decimal_point(rows: list[str], delimiter: str) -> str:
+    """Return what the first number with a fraction has; times of day and words have no say."""
+    if delimiter == ",":
+        return "."
+    for row in rows:
+        numbers = [cell for cell in cells_of(row, delimiter) if is_number(cell, delimiter)]
+        if any("." in cell for cell in numbers):
+            return "."
+        if any("," in cell for cell in numbers):
+            return ","
+    return "."
 
 
 def _is_plain(row: str, head: Head, wanted: Collection[str]) -> bool:

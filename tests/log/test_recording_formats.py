@@ -118,6 +118,19 @@ def test_csv_dialects_are_understood(tmp_path, delimiter, decimal, head):
     np.testing.assert_array_equal(axis.position, table["slide.position_m"])
 
 
+def test_decimal_commas_are_seen_behind_times_of_day_and_whole_numbers(tmp_path):
+    """As a spreadsheet of a country with decimal commas writes them."""
+    rows = ["clock;x;u", *(f"2018-05-26 10:13:15.{k:03d};0;{k % 7}" for k in range(20))]
+    rows += [f"2018-05-26 10:13:15.{k:03d};{k},25;{k % 7}" for k in range(20, 500)]
+    (tmp_path / "a.csv").write_text("\n".join(rows))
+    (tmp_path / "a.yaml").write_text(
+        "file: a.csv\ntime: {column: clock, unit: s}\naxes:\n  x:\n"
+        "    position: {column: x, unit: mm}\n    command: {column: u, unit: V}\n"
+    )
+    axis = read_recording(tmp_path / "a.yaml").axes["x"]
+    np.testing.assert_allclose(axis.position[20:], 1e-3 * (np.arange(20, 500) + 0.25))
+
+
 def test_what_numpy_savetxt_writes_can_be_read(tmp_path):
     table = columns()
     path = tmp_path / "a.csv"
