@@ -108,19 +108,26 @@ class Table(ABC):
         return self._keeping(columns, np.arange(len(time)) >= waiting)
 
     def without_repeated_times(self, columns: dict[str, Array], clock: str) -> dict[str, Array]:
-        """Leave out the few rows that repeat the time of the one before, as where one stands twice.
+        """Leave out rows with the time of the one before: where they stand twice, or are few.
 
-        Only where no time runs backwards and they are no more than `MOST_REPEATED` of the rows:
-        else the clock has too few digits. `notes` tell.
+        Only where no time runs backwards and each of them is the row before once more, or they are
+        no more than `MOST_REPEATED` of the rows: else the clock has too few digits. `notes` tell.
         """
         time = columns[clock]
         repeats = np.concatenate([[False], time[1:] == time[:-1]])
         count = int(np.count_nonzero(repeats))
-        if not 0 < count <= MOST_REPEATED * len(time) or (time[1:] < time[:-1]).any():
+        if not count or (time[1:] < time[:-1]).any():
+            return columns
+        again = np.flatnonzero(repeats)
+        twice = all(
+            np.array_equal(values[again], values[again - 1], equal_nan=True)
+            for values in columns.values()
+        )
+        if not twice and count > MOST_REPEATED * len(time):
             return columns
         rows = "a row that repeats" if count == 1 else f"{count} rows that repeat"
-        told = f"{rows} the time of the one before left out, the first: "
-        self.notes = (*self.notes, told + self.row(int(np.argmax(repeats))))
+        of = "the one before" if twice else "the time of the one before"
+        self.notes = (*self.notes, f"{rows} {of} left out, the first: {self.row(int(again[0]))}")
         return self._keeping(columns, ~repeats)
 
     def _keeping(self, columns: dict[str, Array], rows: NDArray[np.bool_]) -> dict[str, Array]:

@@ -1,4 +1,4 @@
-"""Rows that stand twice: a few are left out, more are refused."""
+"""Rows that stand twice are left out; more than a few that only share a time are refused."""
 
 import numpy as np
 import pytest
@@ -8,10 +8,13 @@ from motorctl.errors import DataError
 from motorctl.log import read_recording
 
 
-def with_times_twice(folder, rows):
-    """Write 3000 samples of which these rows have the time of the one before."""
+def with_times_twice(folder, rows, same=False):
+    """Write 3000 samples; these rows stand twice, or another has their time and another command."""
     table = sines(0.005 * np.arange(3000))
     table = {name: np.insert(values, rows, values[rows]) for name, values in table.items()}
+    again = np.asarray(rows) + np.arange(len(rows)) + 1
+    if not same:
+        table["x.command_v"][again] += 0.125
     write_table(folder / "a.csv", table)
     (folder / "a.yaml").write_text(
         "file: a.csv\ntime: {column: time_s}\naxes:\n  x:\n"
@@ -24,12 +27,14 @@ def with_times_twice(folder, rows):
 @pytest.mark.parametrize(
     ("rows", "told"),
     [
-        ([700], "a row that repeats the time of the one before left out, the first: row 702"),
-        ([700, 700, 900], "3 rows that repeat the time of the one before left out, the first: row"),
+        ([700], "a row that repeats {}the one before left out, the first: row 702"),
+        ([700, 700, 900], "3 rows that repeat {}the one before left out, the first: row"),
     ],
 )
-def test_a_few_rows_that_stand_twice_are_left_out_and_told(tmp_path, name, rows, told):
-    with_times_twice(tmp_path, rows)
+@pytest.mark.parametrize("same", [False, True])
+def test_a_few_rows_that_stand_twice_are_left_out_and_told(tmp_path, name, rows, told, same):
+    with_times_twice(tmp_path, rows, same)
+    told = told.format("" if same else "the time of ")
     recording = read_recording(tmp_path / name)
     time_s = 0.005 * np.arange(3000)
     np.testing.assert_allclose(recording.time_s, time_s)
@@ -48,7 +53,14 @@ def test_of_two_rows_of_one_time_the_first_is_kept(tmp_path):
 TOO_MANY = [700, *range(900, 2100, 40)]
 
 
-def test_more_than_one_row_in_a_hundred_that_stands_twice_is_refused(tmp_path):
+def test_a_recording_of_which_each_row_stands_twice_is_read(tmp_path):
+    with_times_twice(tmp_path, list(range(3000)), same=True)
+    recording = read_recording(tmp_path / "a.yaml")
+    np.testing.assert_allclose(recording.time_s, 0.005 * np.arange(3000))
+    assert any(n.startswith("3000 rows that repeat the one before") for n in recording.notes)
+
+
+def test_more_than_one_row_in_a_hundred_that_shares_a_time_is_refused(tmp_path):
     with_times_twice(tmp_path, TOO_MANY)
     with pytest.raises(
         DataError, match=r"row 702 .* repeats 3\.5 .*; 31 of 3031 rows .* stand twice"

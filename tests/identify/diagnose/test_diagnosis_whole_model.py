@@ -183,3 +183,25 @@ def test_a_part_on_a_spring_need_not_be_seen_as_inertia():
     mode = make_effect(effect_class("flexible_mode"), {"frequency_hz": 12.0, "damping_ratio": 0.05})
     found = outcome(plant.run(seed=4, duration_s=8.0), mode)
     assert inertia_off(found.final, seen_inertia(found.base)) < 2.0
+
+
+@pytest.mark.slow
+def test_a_negative_inertia_beside_friction_that_brakes_is_no_reversed_sign():
+    rng = np.random.default_rng(8)
+    time_s = np.arange(8000) / 200.0
+    lines = np.arange(0.1, 3.0, 0.1)
+    phases = rng.uniform(0.0, 2.0 * np.pi, len(lines))
+    waves = 2.0 * np.pi * np.outer(lines, time_s) + phases[:, None]
+    speed = 0.05 * np.cos(waves).sum(axis=0)
+    position = 0.05 * np.sum(np.sin(waves) / lines[:, None], axis=0) / (2.0 * np.pi)
+    braked = 1.4 * speed + 0.2 * np.tanh(speed / 0.01)
+    command = -0.03 * np.gradient(speed, time_s) + braked
+    command += 0.05 * np.convolve(rng.normal(size=8000), np.hanning(200) / 9.0, "same")
+    data = Measured(
+        source="a.csv", axis="x", sample_rate_hz=200.0, time_s=time_s,
+        position=1e-6 * np.rint(position / 1e-6), command=command,
+        usable=np.ones(8000, dtype=np.bool_),
+    )  # fmt: skip
+    notes = diagnose_axis(data, C1).notes
+    assert any("friction brakes, so no sign is reversed" in note for note in notes), notes
+    assert not any("may be reversed" in note for note in notes)

@@ -89,12 +89,31 @@ def wrong_sign_told(alone: FittedModel, data: Measured) -> tuple[str, ...]:
         if _is_negative(value, error):
             return (
                 f"{_in_words(alone, of, data)} in the declared model, and no machine has a "
-                "negative one: the sign of the command or of the position may be reversed in the "
-                "recording, or a force that the model lacks drives the axis",
+                f"negative one: {_why_negative(alone, of)}",
             )
         if of == "acceleration" and value > SURELY * error:
             break
     return ()
+
+
+def _why_negative(alone: FittedModel, of: Signal) -> str:
+    """Return what to look at: a sign that is reversed turns friction over with the inertia."""
+    force = "a force that the model lacks drives the axis"
+    reversed_sign = "the sign of the command or of the position may be reversed in the recording"
+    found = [_value_of(alone, signal) for signal in ("velocity", "direction")]
+    friction = [value for value in found if value is not None]
+    if of == "acceleration" and friction:
+        if all(_is_negative(*value) for value in friction):
+            return (
+                f"friction is negative as well, so {reversed_sign} (give its column a scale of "
+                f"-1), or {force}"
+            )
+        if all(value > SURELY * error for value, error in friction):
+            return (
+                "friction brakes, so no sign is reversed; the command may be recorded earlier or "
+                f"later than it acted, or {force}"
+            )
+    return f"{reversed_sign}, or {force}"
 
 
 def negative_damping(alone: FittedModel, data: Measured) -> str | None:
