@@ -389,6 +389,8 @@ def test_the_stairs_of_a_coarse_encoder_hide_no_lag():
         (MachineKey("scipy_ode", "presliding", 901), {"presliding"}),
         # friction that turns over otherwise than declared, to which Stribeck's bends itself
         (MachineKey("scipy_ode", "stribeck", 3200), {"stribeck"}),
+        # friction of another shape beside a payload: Stribeck's would decay within its corner
+        (MachineKey("energy", "payload_step", 3400), {"payload_change"}),
         # dry friction that holds the axis at its turns, for 10 to 50 ms
         (MachineKey("mujoco", "none", 2900), set()),
     ],

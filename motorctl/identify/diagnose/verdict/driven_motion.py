@@ -44,10 +44,10 @@ hand."""
 LASTS_S = 0.05
 """Time that a speed of a motion one way lasts at least [s]. Larger misses quick changes, smaller
 counts ripple. Chosen by hand: the ripple of a geared joint is a fifth of that."""
-REVERSED = 0.5
+REVERSED = 0.47
 """The part that acceleration and friction must explain for their signs to be called reversed.
 Larger misses reversed commands of loaded axes, smaller accuses motion that the command hardly
-drives. Chosen by hand: reversed real ones have 0.65 to 0.79, a link that others drag 0.26, a joint
+drives. Chosen by hand: reversed real ones have 0.49 to 0.79, a link that others drag 0.26, a joint
 of an arm whose joints all move in step 0.44, the angle that a servo is sent to 0.26; single moves
 of a real arm 0.5 to 0.98."""
 BELIEVED = 0.4
