@@ -16,7 +16,7 @@ from motorctl.errors import DataError, UsageError
 from motorctl.identify.columns.filters import velocity_of
 from motorctl.log import Recording, read_recording
 from motorctl.log.sample import AxisState, SampleFlag
-from motorctl.log.units import CommandUnit
+from motorctl.log.units import CommandUnit, unit_for
 
 Array = NDArray[np.float64]
 
@@ -96,6 +96,10 @@ class Measured:
         if self.reference_velocity is not None or self.reference is None:
             return self.reference_velocity
         return velocity_of(self.reference, self.period_s)
+
+    def unit(self, model_unit: str) -> str:
+        """Translate a unit of the model, which is in V and m, to the axis' own."""
+        return unit_for(model_unit, self.position_unit, self.command_unit)
 
     @property
     def place(self) -> str:

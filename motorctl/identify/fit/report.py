@@ -168,7 +168,7 @@ def _percent(value: float, reference: float) -> float | None:
 
 def _units(fit: AxisFit) -> list[str]:
     data = fit.data
-    return [unit_for(p.unit, data.position_unit, data.command_unit) for p in fit.model.parameters]
+    return [data.unit(p.unit) for p in fit.model.parameters]
 
 
 def _force_units(fit: AxisFit) -> list[str]:

@@ -162,7 +162,7 @@ def option_document(effect: Effect) -> dict[str, Any]:
 
 def own_unit(data: Measured, unit: str) -> str:
     """Translate a unit of the model to the axis' own; a pure number has none."""
-    return "" if unit in ("-", "1") else unit_for(unit, data.position_unit, data.command_unit)
+    return "" if unit in ("-", "1") else data.unit(unit)
 
 
 def _effect_values(

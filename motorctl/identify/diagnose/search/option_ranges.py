@@ -14,7 +14,6 @@ from math import inf, isfinite
 from typing import Literal
 
 from motorctl.identify.columns.measured import Measured
-from motorctl.log.units import unit_for
 from motorctl.model import Effect, Spans
 from motorctl.model.option_units import option_unit
 
@@ -71,7 +70,7 @@ class Reached:
 
     def told(self, data: Measured) -> str:
         """Return the option and its value in words."""
-        unit = unit_for(option_unit(self.option), data.position_unit, data.command_unit)
+        unit = data.unit(option_unit(self.option))
         if not self.refutes:
             side = "least" if self.end == "upper" else "most"
             return f"its {self.option} is at {side} {self.value:.3g} {unit}".rstrip()

@@ -48,7 +48,6 @@ from motorctl.identify.diagnose.search.whole_model import (
     inertia_off,
     known_inertias,
 )
-from motorctl.log.units import unit_for
 from motorctl.model import Effect, Spans
 
 WORSE = 1.02
@@ -216,7 +215,7 @@ def of_impossible_inertia(
         if effect is None:
             continue
         data = final.regressors.signals.data
-        unit = unit_for(OF_INERTIA, data.position_unit, data.command_unit)
+        unit = data.unit(OF_INERTIA)
         told = "declared" if by.declared else "seen beside any function of place and of speed"
         return effect, (
             f"{effect.name} is refuted: with it the inertia would be "

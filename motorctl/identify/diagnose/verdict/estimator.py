@@ -9,7 +9,6 @@ import numpy as np
 from motorctl.identify.diagnose.result import Estimator
 from motorctl.identify.diagnose.search.hypothesis import Hypothesis
 from motorctl.identify.diagnose.search.whole_model import FAR_OFF, OF_INERTIA, TINY, inertia_of
-from motorctl.log.units import unit_for
 
 HARDLY_SEEN = 0.05
 """Part of the acceleration that the command tells beside the model, up to which no range is told.
@@ -57,7 +56,7 @@ def _between(model: Hypothesis) -> str:
     if not HARDLY_SEEN < seen < 1.0 / FAR_OFF or not inertia > 0.0:
         return ""
     data = model.regressors.signals.data
-    unit = unit_for(OF_INERTIA, data.position_unit, data.command_unit)
+    unit = data.unit(OF_INERTIA)
     return (
         f"; least squares of the acceleration would have an inertia of {inertia / seen:.3g} "
         f"{unit} where this has {inertia:.3g}, and the true one may lie between"

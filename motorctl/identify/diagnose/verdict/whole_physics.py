@@ -18,7 +18,6 @@ from motorctl.identify.diagnose.search.whole_model import (
     inertia_of,
     seen_inertia,
 )
-from motorctl.log.units import unit_for
 from motorctl.model.knowledge import Signal
 
 SURELY = 5.0
@@ -32,7 +31,7 @@ def whole_model(found: Found, final: Hypothesis) -> WholeModel:
     data = final.regressors.signals.data
     return WholeModel(
         inertia=inertia_of(final),
-        unit=unit_for(OF_INERTIA, data.position_unit, data.command_unit),
+        unit=data.unit(OF_INERTIA),
         seen_inertia=None if seen is None else (seen.low, seen.high),
         declared_inertia=data.inertia,
         friction_gives=friction_power(final).given,
@@ -58,7 +57,7 @@ def beside_negative_inertia(found: Found) -> tuple[Found, tuple[str, ...]]:
         return found, ()
     value, error = inertia
     data = final.regressors.signals.data
-    unit = unit_for(OF_INERTIA, data.position_unit, data.command_unit)
+    unit = data.unit(OF_INERTIA)
     names = " and ".join(effect.name for effect in final.added)
     return declared_alone(found), (
         f"{names}: not named, for the inertia beside comes to {value:.3g} ± {error:.2g} {unit}, "
@@ -148,7 +147,7 @@ def _is_negative(value: float, error: float) -> bool:
 def _in_words(fitted: FittedModel, signal: Signal, data: Measured) -> str:
     effect = next(e for e in fitted.model.effects if e.proportional_to == signal)
     theta, std_error = theta_of(fitted, effect)
-    unit = unit_for(effect.parameters[0].unit, data.position_unit, data.command_unit)
+    unit = data.unit(effect.parameters[0].unit)
     return f"{effect.name} comes to {theta[0]:.3g} ± {std_error[0]:.2g} {unit}"
 
 
