@@ -18,6 +18,10 @@ from motorctl.model.sign_function import SlopeOptions, sf
 PER_DECADE = 12
 """Speeds that are tried, a decade. More takes time, fewer starts the refinement too far away.
 Chosen by hand: each is about a fifth faster than the last."""
+BEYOND_TURNOVER = 2.0
+"""Speed of the decay over that at which Sf turns over, from which it is no part of the corner.
+Larger asks true ones whether they are, smaller names wide corners. Chosen by hand: true ones of
+other hands have 5 to 120, a corner that was named had 1.1."""
 
 
 class StribeckOptions(SlopeOptions):
@@ -97,9 +101,9 @@ class Stribeck(Effect):
         }
 
     def corner(self) -> Effect | None:
-        """Return the form that decays where Sf turns over; None for one that decays beyond."""
+        """Return the form that decays where Sf turns over; None for one that decays well beyond."""
         turnover = 1.0 / self.options.slope_s_m
-        if self.options.velocity_m_s >= turnover:
+        if self.options.velocity_m_s >= BEYOND_TURNOVER * turnover:
             return None
         return self.with_options(velocity_m_s=turnover)
 
