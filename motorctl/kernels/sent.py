@@ -147,6 +147,11 @@ def know_arguments(*arguments: object) -> tuple[Shape, ...]:
     ----------
     *arguments
         What kernels will be called with that are unpacked in this process.
+
+    Returns
+    -------
+    tuple
+        The shape of each.
     """
     return tuple(map(_shape, arguments))
 
