@@ -400,6 +400,14 @@ def test_the_corner_of_any_friction_is_no_effect(key, named):
     assert set(run_machine.run_machine(key).answer.names) == named
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", ["none", "gravity_constant"])
+def test_turns_that_dry_friction_sharpens_are_no_missing_effect(kind):
+    """What smoothing leaves of such turns, the clean twin's leave as well."""
+    outcome = run_machine.run_machine(MachineKey("mujoco", kind, 3500))
+    assert outcome.answer.verdict == "complete", str(outcome.answer)
+
+
 LATE, STUCK = "mistake_late_command", "mistake_stuck_encoder"
 
 

@@ -1,7 +1,8 @@
 """The clean twin of a machine: what the declared model leaves where nothing is missing.
 
-The twin moves as the machine did, smoothed; its command is what the model asks for that motion, and
-its encoder rounds and is noisy as the machine's. What is left over there comes from the measurement
+The twin moves as the machine did, smoothed but for the corners that its friction gives the motion;
+its command is what the model asks for that motion, and its encoder rounds and is noisy as the
+machine's. What is left over there comes from the measurement
 alone: from coarse counts, friction's corners that smoothing rounds off, a clock's holes. Only what
 goes beyond that is structure of the machine.
 """
@@ -33,6 +34,9 @@ Array = NDArray[np.float64]
 SEED = 7
 """Seed of the twin's noise, always the same: the same recording gets the same answer. Any other
 would do as well. Convention."""
+TURNED = 3
+"""Times that friction's corners are put where the motion with them turns round. More takes time,
+fewer leave corners beside the turns. Chosen by hand."""
 NEXT_TO_TWIN = 1.6
 """What a model misses of the position over the shortest windows, over what it misses of the twin's,
 up to which nothing is missing. Larger hides structure, smaller calls the feedback of an encoder's
@@ -70,7 +74,7 @@ def clean_twin(found: Found) -> Found | None:
     for s in real.stretches:
         first = int(np.searchsorted(real.data.time_s, s.time_s[0] - 0.5 * real.period_s))
         rows = slice(first, first + len(s.x))
-        x = smoothed(s.position, real.band_hz, real.period_s)
+        x = _with_corners(values, s, real.band_hz, real.period_s)
         command[rows] = _command(values, s, x, real.period_s)
         position[rows] = as_measured(x, real, draw)
         usable[rows] = True
@@ -104,6 +108,38 @@ def no_further_than_twin(found: Found, twin: Found) -> bool:
 def _is_of_force(effect: Effect) -> bool:
     """Return whether the twin has an effect: lags and errors of measurement are left out there."""
     return effect.kind in ("state", "input")
+
+
+def _with_corners(values: FittedModel, s: Stretch, band_hz: float, period_s: float) -> Array:
+    """Return the smoothed motion, in which friction turns over as quickly as in the model.
+
+    Where dry friction turns over, the acceleration jumps, and that moves the smoothed speed's zero:
+    a motion that is smooth there hides what the measurement makes of it. So what smoothing takes
+    away of the motion that friction alone would make is put back.
+    """
+    smooth = smoothed(s.position, band_hz, period_s)
+    place = values.model.index_of("acceleration")
+    if place is None:
+        return smooth
+    x = smooth
+    for _ in range(TURNED):
+        v = np.gradient(x, period_s)
+        motion = replace(s, x=x, v=v, quiet=v)
+        friction = _of_friction(values, motion) / -float(values.theta[place])
+        alone = np.cumsum(np.cumsum(friction - friction.mean())) * period_s**2
+        x = smooth + alone - smoothed(alone, band_hz, period_s)
+    return x
+
+
+def _of_friction(values: FittedModel, motion: Stretch) -> Array:
+    """Return the force of a model's friction along a motion, in units of the command, (N,)."""
+    force = np.zeros_like(motion.x)
+    start = 0
+    for effect in values.model.effects:
+        own = values.theta[start : (start := start + len(effect.parameters))]
+        if effect.kind == "state" and "friction" in effect.groups and len(own):
+            force += own @ motion.columns(effect)
+    return force
 
 
 def _command(values: FittedModel, s: Stretch, x: Array, period_s: float) -> Array:

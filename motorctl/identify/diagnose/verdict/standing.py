@@ -15,11 +15,6 @@ from motorctl.identify.diagnose.verdict.evidence import Evidence, evidence_of
 from motorctl.identify.diagnose.verdict.undetermined_model import over_command
 from motorctl.identify.diagnose.verdict.verdict import FAINT, Judged, judge, leftover
 
-NOISY = 0.008
-"""Noise of the measurement over the command, both rms, from which a clean twin is asked: with less
-noise the twin's own smoothing is what it leaves. Larger calls the feedback of an encoder's counts
-structure, smaller takes weak structure for it. Chosen by hand: coarse encoders have 0.03 to 0.09,
-fine ones 0.003."""
 OF_ENCODER = 0.75
 """Part of the squared rest that the encoder leaves by itself, from which the rest is the encoder's.
 Larger calls lines of rounding structure, smaller calls structure rounding: at three quarters it is
@@ -28,8 +23,8 @@ something 0.0001 to 0.1."""
 LIKE_TWIN = 0.5
 """Part of the rest that the clean twin must leave as well for the rest to be the measurement's.
 Larger calls the feedback of an encoder's counts structure, smaller calls structure noise. Chosen by
-hand: machines that lack nothing have 0.6 to 2, real ones with a weight that was missed 0.09 and
-0.17."""
+hand: machines that lack nothing have 0.6 to 3.6, those that lack something 0.04 to 0.26, real ones
+with a weight that was missed 0.09 and 0.17."""
 
 REFUTED_TAKES = 0.25
 """Part of what is left that refuted effects took away together, from which the model is not called
@@ -128,8 +123,7 @@ def _beside_twin(found: Found, judged: Judged) -> Judged:
     alone = declared_alone(found) if found.final.added else found
     if encoder_alone(alone) > OF_ENCODER * alone.final.held_out:
         return replace(judged, verdict="complete", rival=None, as_twin=True)
-    noisy = over_command(alone, alone.final.noise_sse(alone.force_noise)) > NOISY
-    twin = clean_twin(alone) if noisy else None
+    twin = clean_twin(alone)
     if twin is None:
         return judged
     if over_command(twin, twin.final.held_out) < LIKE_TWIN * over_command(
