@@ -1,10 +1,10 @@
 """The clean twin of a machine: what the declared model leaves where nothing is missing.
 
-The twin moves as the machine did, smoothed but for the corners that its friction gives the motion;
-its command is what the model asks for that motion, and its encoder rounds and is noisy as the
-machine's. What is left over there comes from the measurement
-alone: from coarse counts, friction's corners that smoothing rounds off, a clock's holes. Only what
-goes beyond that is structure of the machine.
+The twin moves as the machine did, smoothed, or but for the corners that its friction gives the
+motion; its command is what the model asks for that motion, and its encoder rounds and is noisy as
+the machine's. What is left over there comes from the measurement alone: from coarse counts,
+friction's corners that smoothing rounds off, a clock's holes. Only what goes beyond that is
+structure of the machine.
 """
 
 from __future__ import annotations
@@ -48,13 +48,16 @@ feedback of an encoder's counts structure. Chosen by hand as above: clean machin
 those that lack something 1.5 to 9."""
 
 
-def clean_twin(found: Found) -> Found | None:
+def clean_twin(found: Found, *, corners: bool = False) -> Found | None:
     """Return the same model on the clean twin of its machine.
 
     Parameters
     ----------
     found
         The outcome of a search; of its final model the twin is made.
+    corners
+        Whether its motion turns round as sharply as its friction makes it: the inertia has to be
+        known well.
 
     Returns
     -------
@@ -74,7 +77,9 @@ def clean_twin(found: Found) -> Found | None:
     for s in real.stretches:
         first = int(np.searchsorted(real.data.time_s, s.time_s[0] - 0.5 * real.period_s))
         rows = slice(first, first + len(s.x))
-        x = _with_corners(values, s, real.band_hz, real.period_s)
+        x = smoothed(s.position, real.band_hz, real.period_s)
+        if corners:
+            x = _with_corners(values, s, x, real)
         command[rows] = _command(values, s, x, real.period_s)
         position[rows] = as_measured(x, real, draw)
         usable[rows] = True
@@ -110,14 +115,14 @@ def _is_of_force(effect: Effect) -> bool:
     return effect.kind in ("state", "input")
 
 
-def _with_corners(values: FittedModel, s: Stretch, band_hz: float, period_s: float) -> Array:
-    """Return the smoothed motion, in which friction turns over as quickly as in the model.
+def _with_corners(values: FittedModel, s: Stretch, smooth: Array, real: Signals) -> Array:
+    """Return a smoothed motion in which friction turns over as quickly as in the model.
 
     Where dry friction turns over, the acceleration jumps, and that moves the smoothed speed's zero:
     a motion that is smooth there hides what the measurement makes of it. So what smoothing takes
     away of the motion that friction alone would make is put back.
     """
-    smooth = smoothed(s.position, band_hz, period_s)
+    period_s = real.period_s
     place = values.model.index_of("acceleration")
     if place is None:
         return smooth
@@ -127,7 +132,7 @@ def _with_corners(values: FittedModel, s: Stretch, band_hz: float, period_s: flo
         motion = replace(s, x=x, v=v, quiet=v)
         friction = _of_friction(values, motion) / -float(values.theta[place])
         alone = np.cumsum(np.cumsum(friction - friction.mean())) * period_s**2
-        x = smooth + alone - smoothed(alone, band_hz, period_s)
+        x = smooth + alone - smoothed(alone, real.band_hz, period_s)
     return x
 
 

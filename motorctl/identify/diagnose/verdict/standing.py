@@ -15,6 +15,16 @@ from motorctl.identify.diagnose.verdict.evidence import Evidence, evidence_of
 from motorctl.identify.diagnose.verdict.undetermined_model import over_command
 from motorctl.identify.diagnose.verdict.verdict import FAINT, Judged, judge, leftover
 
+NOISY = 0.008
+"""Noise of the measurement over the command, both rms, from which a clean twin is asked: with less
+noise the twin's own smoothing is what it leaves. Larger calls the feedback of an encoder's counts
+structure, smaller takes weak structure for it. Chosen by hand: coarse encoders have 0.03 to 0.09,
+fine ones 0.003."""
+LITTLE = 0.03
+"""What is left over the command, both rms, up to which the twin turns round as sharply as friction
+makes it, and is asked whatever the noise. Larger hides structure of machines whose inertia is
+hardly known, smaller calls the turns of dry friction structure. Chosen by hand: clean machines of
+dry friction leave 0.003 to 0.017, instruments whose spring was hidden 0.2 to 0.4."""
 OF_ENCODER = 0.75
 """Part of the squared rest that the encoder leaves by itself, from which the rest is the encoder's.
 Larger calls lines of rounding structure, smaller calls structure rounding: at three quarters it is
@@ -123,7 +133,9 @@ def _beside_twin(found: Found, judged: Judged) -> Judged:
     alone = declared_alone(found) if found.final.added else found
     if encoder_alone(alone) > OF_ENCODER * alone.final.held_out:
         return replace(judged, verdict="complete", rival=None, as_twin=True)
-    twin = clean_twin(alone)
+    little = over_command(alone, alone.final.held_out) < LITTLE
+    noisy = over_command(alone, alone.final.noise_sse(alone.force_noise)) > NOISY
+    twin = clean_twin(alone, corners=little) if little or noisy else None
     if twin is None:
         return judged
     if over_command(twin, twin.final.held_out) < LIKE_TWIN * over_command(
