@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from fit_plant import C1, C2
 from other_plant import SHAPES, OtherPlant
+from sums_of_sines import sum_of_sines
 
 from motorctl.errors import DataError
 from motorctl.identify.columns.measured import Measured
@@ -451,13 +452,8 @@ def test_trials_that_begin_in_motion_are_not_told_to_rest():
 @pytest.mark.slow
 def test_a_speed_that_a_drive_was_sent_to_is_not_taken_for_what_drives_it():
     """The drive follows within a millisecond, and is recorded every 20 ms."""
-    rng = np.random.default_rng(5)
     time_s = np.arange(3000) / 50.0
-    lines = np.arange(0.1, 4.0, 0.1)
-    phases = rng.uniform(0.0, 2.0 * np.pi, len(lines))
-    waves = 2.0 * np.pi * np.outer(lines, time_s) + phases[:, None]
-    position = 0.02 * np.sum(np.sin(waves) / lines[:, None], axis=0) / (2.0 * np.pi)
-    speed = 0.02 * np.cos(waves).sum(axis=0)
+    position, speed = sum_of_sines(5, time_s, np.arange(0.1, 4.0, 0.1), 0.02)
     servo = Measured(
         source="a.csv", axis="x", sample_rate_hz=50.0, time_s=time_s,
         position=3e-6 * np.rint(position / 3e-6), command=1.6 * speed,

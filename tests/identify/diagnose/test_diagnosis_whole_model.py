@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from fit_plant import C1
 from other_plant import OtherPlant
+from sums_of_sines import sum_of_sines
 
 from motorctl.config import load
 from motorctl.identify.columns.measured import Measured
@@ -187,15 +188,11 @@ def test_a_part_on_a_spring_need_not_be_seen_as_inertia():
 
 @pytest.mark.slow
 def test_a_negative_inertia_beside_friction_that_brakes_is_no_reversed_sign():
-    rng = np.random.default_rng(8)
     time_s = np.arange(8000) / 200.0
-    lines = np.arange(0.1, 3.0, 0.1)
-    phases = rng.uniform(0.0, 2.0 * np.pi, len(lines))
-    waves = 2.0 * np.pi * np.outer(lines, time_s) + phases[:, None]
-    speed = 0.05 * np.cos(waves).sum(axis=0)
-    position = 0.05 * np.sum(np.sin(waves) / lines[:, None], axis=0) / (2.0 * np.pi)
+    position, speed = sum_of_sines(8, time_s, np.arange(0.1, 3.0, 0.1), 0.05)
     braked = 1.4 * speed + 0.2 * np.tanh(speed / 0.01)
     command = -0.03 * np.gradient(speed, time_s) + braked
+    rng = np.random.default_rng(9)
     command += 0.05 * np.convolve(rng.normal(size=8000), np.hanning(200) / 9.0, "same")
     data = Measured(
         source="a.csv", axis="x", sample_rate_hz=200.0, time_s=time_s,
