@@ -47,7 +47,8 @@ def without_held(data: Measured) -> tuple[Measured, str | None]:
     steps = np.abs(np.diff(data.position))[new - 1]
     if np.percentile(steps, 95.0) < UNLIKE * steps.min():
         return data, None
-    rows = _rows_of_sensor(new, every, len(data.position))
+    in_time = np.concatenate([[True], apart >= 0.5 * every])  # sooner, it would end a stretch
+    rows = _rows_of_sensor(new[in_time], every, len(data.position))
     if len(rows) - 1 < SHORTEST_SAMPLES:
         return data, None
     rate_hz = data.sample_rate_hz * (len(rows) - 1) / float(rows[-1] - rows[0])

@@ -45,7 +45,9 @@ def test_a_sensor_slower_than_the_log_is_read_at_its_own_rate(run, every, first)
     assert taken.command[5] == pytest.approx(run.command[index[5] : index[5] + every].mean())
 
 
-@pytest.mark.parametrize("apart", [(4,) * 40 + (5,), (4,) * 90 + (3,), (8, 9, 10, 10, 10, 11, 12)])
+@pytest.mark.parametrize(
+    "apart", [(4,) * 40 + (5,), (4,) * 90 + (3,), (4,) * 90 + (1, 3), (8, 9, 10, 10, 10, 11, 12)]
+)
 def test_the_rows_of_a_new_position_may_slip(run, apart):
     """Sensor and log have clocks of their own, or the logger does not wait for the sensor."""
     new = np.cumsum(np.resize(apart, 1000))
@@ -53,10 +55,11 @@ def test_the_rows_of_a_new_position_may_slip(run, apart):
     held = np.repeat(run.position[new], np.diff(np.append(new, len(run.position))))
     taken, note = without_held(replace(run, position=held))
     assert note is not None
-    assert taken.sample_rate_hz == pytest.approx(RATE_HZ / np.mean(apart), rel=0.01)
+    assert taken.sample_rate_hz == pytest.approx(RATE_HZ / np.median(apart), rel=0.01)
     index = np.searchsorted(run.time_s, taken.time_s - 1e-9)
     changed = np.flatnonzero(np.diff(held)) + 1
-    assert np.isin(changed[:-1], index).all()
+    assert np.mean(np.isin(changed[:-1], index)) > 0.98
+    assert len(list(taken.stretches(100))) == 1
     assert np.array_equal(taken.position, held[index])
     assert taken.command[5] == pytest.approx(run.command[index[5] : index[6]].mean())
 
