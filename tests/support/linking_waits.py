@@ -11,13 +11,13 @@ from __future__ import annotations
 
 import os
 import pickle
-import subprocess
 import sys
 import tempfile
 import time
 from pathlib import Path
 
 import pause_watch
+import pauses
 
 from motorctl.config.machine import MOST_PARAMETERS, Machine
 from motorctl.loop import LoopMemory
@@ -51,14 +51,10 @@ def longest_waits_s(tick: Tick, orders: int, paused: Path) -> list[tuple[float, 
         done = memory.look_at(Word.MODELS_DONE)
         assert not memory.status["models_refused"][0], memory.status["models_told"][0]
     time.sleep(SETTLE_S)
-    pauses = [
-        (ended_s - pause_s, ended_s)
-        for ended_s, pause_s in pause_watch.NOTE.iter_unpack(paused.read_bytes())
-        if pause_s
-    ]
+    paused_s = [(ended_s - pause_s, ended_s) for ended_s, pause_s in pauses.noted(paused)]
     return [
         (
-            max(until - since - _overlap_s(since, until, pauses) for since, until in w),
+            max(until - since - _overlap_s(since, until, paused_s) for since, until in w),
             w[-1][1] - w[0][0],
         )
         for w in waits
@@ -82,9 +78,7 @@ def main() -> None:
     (cpu,) = os.sched_getaffinity(0)
     with tempfile.TemporaryDirectory() as folder:
         paused = Path(folder) / "paused"
-        paused.write_bytes(bytes(pause_watch.NOTE.size * pause_watch.NOTES))
-        told = (str(cpu), str(paused), str(pause_watch.PRIORITY), str(NAP_S))
-        watch = subprocess.Popen([sys.executable, "-S", "-E", pause_watch.__file__, *told])
+        watch = pauses.watch(cpu, paused, pause_watch.PRIORITY, NAP_S)
         time.sleep(SETTLE_S)
         with usual_priority():
             beside = ModelThread(tick, memory, orders_fd).begin()

@@ -1,6 +1,6 @@
 """Notes each pause of one CPU until it or its starter is ended.
 
-`python pause_watch.py CPU FILE PRIORITY [NAP_S]` with a real-time priority above those of the loop
+`python pause_watch.py CPU FILE PRIORITY NAP_S` with a real-time priority above those of the loop
 and the devices: nothing that a test starts may keep it waiting, so what it finds is what the
 computer itself took away, by its firmware or by the host of a virtual machine. With priority 0 it
 waits like any other work of that CPU, the kernel's own included, which hands over what loopback
@@ -32,7 +32,7 @@ MCL_CURRENT, MCL_FUTURE = 1, 2
 def main() -> None:
     """Watch one CPU."""
     cpu, path, priority, starter = int(sys.argv[1]), sys.argv[2], int(sys.argv[3]), os.getppid()
-    nap_s = float(sys.argv[4]) if len(sys.argv) > 4 else NAP_S
+    nap_s = float(sys.argv[4])
     os.sched_setaffinity(0, {cpu})
     if priority:
         os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(priority))

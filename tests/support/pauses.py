@@ -33,6 +33,21 @@ ANEW = 2
 _began_s = [0.0]
 
 
+def watch(
+    cpu: int, file: Path, priority: int, nap_s: float = pause_watch.NAP_S
+) -> subprocess.Popen[bytes]:
+    """Have a CPU watched and its pauses noted in a file, for as long as this process lives."""
+    file.write_bytes(bytes(pause_watch.NOTE.size * pause_watch.NOTES))
+    told = (str(cpu), str(file), str(priority), str(nap_s))
+    return subprocess.Popen([sys.executable, "-S", "-E", pause_watch.__file__, *told])
+
+
+def noted(file: Path) -> list[tuple[float, float]]:
+    """Return when each pause in a file ended, and how long it was [s]."""
+    notes = pause_watch.NOTE.iter_unpack(file.read_bytes())
+    return [(ended_s, pause_s) for ended_s, pause_s in notes if pause_s]
+
+
 def begin() -> None:
     """Begin to look: a test starts."""
     _watched()
@@ -52,7 +67,7 @@ def was_interrupted(error: BaseException | None) -> bool:
 
 
 def _longest_s(file: Path) -> float:
-    notes = pause_watch.NOTE.iter_unpack(file.read_bytes())
+    notes = noted(file)
     return max((pause_s for ended_s, pause_s in notes if ended_s > _began_s[0]), default=0.0)
 
 
@@ -80,8 +95,5 @@ def _watched() -> dict[int, tuple[Path, ...]]:
 
 
 def _watch(cpu: int, priority: int, file: Path) -> Path:
-    file.write_bytes(bytes(pause_watch.NOTE.size * pause_watch.NOTES))
-    script = str(Path(pause_watch.__file__))
-    words = [sys.executable, "-S", "-E", script, str(cpu), str(file), str(priority)]
-    atexit.register(subprocess.Popen(words).kill)
+    atexit.register(watch(cpu, file, priority).kill)
     return file
