@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from functools import cache
 from typing import Annotated
 
 from pydantic import AfterValidator, Field
 
 from motorctl.kernels import inner_kernel
 from motorctl.model.knowledge import Spans
+from motorctl.model.parameter import Parameter
 
 FEWEST, MOST = 4, 48
 """Basis functions over a range, at least and at most. Four are one cell, so any cubic polynomial,
@@ -34,6 +36,28 @@ def _in_order(knots: tuple[float, float, int]) -> tuple[float, float, int]:
 Finite = Annotated[float, Field(allow_inf_nan=False)]
 Knots = Annotated[tuple[Finite, Finite, int], AfterValidator(_in_order)]
 """Lowest position [m], highest position [m], number of basis functions between them."""
+
+
+@cache  # a search asks for them thousands of times
+def spline_parameters(symbol: str, functions: int) -> tuple[Parameter, ...]:
+    """Return a parameter for each spline but the last: all together are a constant.
+
+    Parameters
+    ----------
+    symbol
+        Letter of their symbols.
+    functions
+        How many splines there are.
+
+    Returns
+    -------
+    tuple
+        In the order of the splines.
+    """
+    return tuple(
+        Parameter(f"knot_{j}", f"{symbol}_{j}", "V", -1e3, 1e3, 0.0, 1.0)
+        for j in range(functions - 1)
+    )
 
 
 def spline_constants(knots: Knots | None) -> tuple[float, float, float]:

@@ -3,13 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import cache
 from typing import Literal
 
 from numba import njit
 from pydantic import Field
 
-from motorctl.model.bspline import SHORTEST_M, Knots, basis, finer_knots, spline_constants
+from motorctl.model.bspline import (
+    SHORTEST_M,
+    Knots,
+    basis,
+    finer_knots,
+    spline_constants,
+    spline_parameters,
+)
 from motorctl.model.effect import Effect
 from motorctl.model.knowledge import Picture, Spans
 from motorctl.model.parameter import Parameter
@@ -52,7 +58,8 @@ class PositionDependentFriction(Effect):
     def parameters(self) -> tuple[Parameter, ...]:
         """One for each power, or for each spline but the last."""
         if self.options.knots is not None:
-            return _of_splines(self.options.knots[2])
+            # all splines together are Coulomb friction
+            return spline_parameters("F", self.options.knots[2])
         powers = (
             Parameter("linear", "F_1", "V/m", -1e5, 1e5, 0.0, 10.0),
             Parameter("quadratic", "F_2", "V/m^2", -1e7, 1e7, 0.0, 100.0),
@@ -93,14 +100,6 @@ class PositionDependentFriction(Effect):
         parabola = [self.with_options(degree=2)] if line else []
         finer = finer_knots(self.options.knots, spans)
         return [*parabola, *(self.with_options(knots=knots) for knots in finer)]
-
-
-@cache
-def _of_splines(functions: int) -> tuple[Parameter, ...]:
-    """Return a parameter for each spline but the last: all together are Coulomb friction."""
-    return tuple(
-        Parameter(f"knot_{j}", f"F_{j}", "V", -1e3, 1e3, 0.0, 1.0) for j in range(functions - 1)
-    )
 
 
 @njit

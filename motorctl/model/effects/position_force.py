@@ -3,13 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from functools import cache
 from typing import Literal
 
 from numba import njit
 from pydantic import Field
 
-from motorctl.model.bspline import SHORTEST_M, Knots, basis, finer_knots, spline_constants
+from motorctl.model.bspline import (
+    SHORTEST_M,
+    Knots,
+    basis,
+    finer_knots,
+    spline_constants,
+    spline_parameters,
+)
 from motorctl.model.effect import Effect, EffectOptions
 from motorctl.model.knowledge import Picture, Spans
 from motorctl.model.parameter import Parameter
@@ -58,7 +64,8 @@ class PositionForce(Effect):
     def parameters(self) -> tuple[Parameter, ...]:
         """Spring and cubic stiffness, or one for each spline but the last."""
         if self.options.knots is not None:
-            return _of_splines(self.options.knots[2])
+            # all splines together are the offset
+            return spline_parameters("K", self.options.knots[2])
         spring = Parameter("spring", "K_1", "V/m", -1e5, 1e5, 0.0, 10.0)
         cubic = Parameter("cubic", "K_3", "V/m^3", -1e9, 1e9, 0.0, 1e4)
         return (spring,) if self.options.degree == 1 else (spring, cubic)
@@ -112,14 +119,6 @@ class PositionForce(Effect):
         cubic = [self.with_options(degree=3)] if line else []
         finer = finer_knots(self.options.knots, spans)
         return [*cubic, *(self.with_options(knots=knots) for knots in finer)]
-
-
-@cache
-def _of_splines(functions: int) -> tuple[Parameter, ...]:
-    """Return a parameter for each spline but the last: all together are the offset."""
-    return tuple(
-        Parameter(f"knot_{j}", f"K_{j}", "V", -1e3, 1e3, 0.0, 1.0) for j in range(functions - 1)
-    )
 
 
 @njit
