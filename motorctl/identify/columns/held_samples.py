@@ -64,15 +64,12 @@ def _rows_of_sensor(new: NDArray[np.int64], every: int, count: int) -> NDArray[n
 
     Between two new ones at several distances it gave the old one, as at rest.
     """
-    edges = np.concatenate([[new[0] % every], new[new[0] % every < new], [count]])
-    times = np.maximum(np.rint(np.diff(edges) / every).astype(np.int64), 1)
-    times[-1] = (edges[-1] - edges[-2]) // every
-    ends = edges[-2] + times[-1] * every
-    edges = np.append(edges[:-1], ends)
-    first = np.repeat(edges[:-1], times)
-    step = np.repeat(np.diff(edges) / np.maximum(times, 1), times)
-    of_each = np.arange(len(first)) - np.repeat(np.cumsum(times) - times, times)
-    return np.append(np.rint(first + step * of_each).astype(np.int64), ends)
+    begin, end = new[0] % every, new[-1] + (count - new[-1]) // every * every
+    told = np.unique(np.concatenate([[begin], new, [end]]))
+    times = np.maximum(np.rint(np.diff(told) / every), 1.0)
+    counted = np.concatenate([[0.0], np.cumsum(times)])
+    places = np.interp(np.arange(counted[-1] + 1.0), counted, told)
+    return np.asarray(np.rint(places), np.int64)
 
 
 def _at(data: Measured, rows: NDArray[np.int64], rate_hz: float) -> Measured:

@@ -22,11 +22,11 @@ from motorctl.identify.columns.signals import Signals, make_signals
 from motorctl.identify.columns.stretches import Stretch, command_for, smoothed
 from motorctl.identify.diagnose.search.held_out_blocks import make_blocks
 from motorctl.identify.diagnose.search.hypothesis import Hypothesis, Regressors
-from motorctl.identify.diagnose.search.parameters import FittedModel, values_of
+from motorctl.identify.diagnose.search.parameters import FittedModel, theta_of, values_of
 from motorctl.identify.diagnose.search.search import BLOCK_S, Found, rival_gains
 from motorctl.identify.diagnose.search.simulated_position import ratios_of, simulated_position
 from motorctl.identify.diagnose.verdict.position_faults import step_of
-from motorctl.model import Effect
+from motorctl.model import Effect, EffectList
 from motorctl.model.sign_function import slope_of
 
 Array = NDArray[np.float64]
@@ -126,25 +126,16 @@ def _with_corners(values: FittedModel, s: Stretch, smooth: Array, real: Signals)
     place = values.model.index_of("acceleration")
     if place is None:
         return smooth
-    x = smooth
+    own = [e for e in values.model.effects if e.kind == "state" and "friction" in e.groups]
+    theta = np.concatenate([np.zeros(0), *(theta_of(values, effect)[0] for effect in own)])
+    x, still = smooth, np.zeros_like(smooth)
     for _ in range(TURNED):
         v = np.gradient(x, period_s)
         motion = replace(s, x=x, v=v, quiet=v)
-        friction = _of_friction(values, motion) / -float(values.theta[place])
+        friction = command_for(motion, EffectList(own), theta, still) / -float(values.theta[place])
         alone = np.cumsum(np.cumsum(friction - friction.mean())) * period_s**2
         x = smooth + alone - smoothed(alone, real.band_hz, period_s)
     return x
-
-
-def _of_friction(values: FittedModel, motion: Stretch) -> Array:
-    """Return the force of a model's friction along a motion, in units of the command, (N,)."""
-    force = np.zeros_like(motion.x)
-    start = 0
-    for effect in values.model.effects:
-        own = values.theta[start : (start := start + len(effect.parameters))]
-        if effect.kind == "state" and "friction" in effect.groups and len(own):
-            force += own @ motion.columns(effect)
-    return force
 
 
 def _command(values: FittedModel, s: Stretch, x: Array, period_s: float) -> Array:

@@ -133,14 +133,13 @@ def _beside_twin(found: Found, judged: Judged) -> Judged:
     alone = declared_alone(found) if found.final.added else found
     if encoder_alone(alone) > OF_ENCODER * alone.final.held_out:
         return replace(judged, verdict="complete", rival=None, as_twin=True)
-    little = over_command(alone, alone.final.held_out) < LITTLE
+    left = over_command(alone, alone.final.held_out)
+    little = left < LITTLE
     noisy = over_command(alone, alone.final.noise_sse(alone.force_noise)) > NOISY
     twin = clean_twin(alone, corners=little) if little or noisy else None
     if twin is None:
         return judged
-    if over_command(twin, twin.final.held_out) < LIKE_TWIN * over_command(
-        alone, alone.final.held_out
-    ):
+    if over_command(twin, twin.final.held_out) < LIKE_TWIN * left:
         return judged
     again = judge(alone, leftover(twin))
     if again.verdict == "complete" or no_further_than_twin(alone, twin):
