@@ -132,12 +132,12 @@ class Succession:
         refused = self._take_over(*self._arguments, tick, tick * before.machine.period_s)
         if refused < 0:
             return None
-        name = list(before.machine.axes)[refused]
+        name, law = list(before.machine.axes)[refused], before.laws[refused]
         return (
-            f"axis {name}: its command of {before.laws[refused]['u']:.3g} V at rest is more than "
-            "the new model and gains.d_hat_max_v "
-            f"{after.law_settings[refused]['d_hat_max_v']:g} V can hold, so it would jump: "
-            f"`motorctl stop {name}` first, or give it more"
+            f"axis {name}: it holds {1e6 * (law['y1'] - law['xd1']):.3g} um off its position with "
+            f"{law['u']:.3g} V; to go on from there the new model needs more than its "
+            f"gains.d_hat_max_v {after.law_settings[refused]['d_hat_max_v']:g} V, so the command "
+            f"would jump: `motorctl stop {name}` first, or give it more"
         )
 
 

@@ -48,11 +48,14 @@ def hold(daemon: Daemon) -> None:
     """Let axis x hold, whatever a pause of the computer or a test that was broken off has left."""
     if daemon.state("x") == "fault":
         daemon.ask_when_it_stands("reset", "x")
+    if axis(daemon)["controller"] != "C2":
+        # the soft model may hold further off than the other can take over without a jump
+        daemon.ask("stop", axis="x")
+        wait_until(lambda: daemon.state("x") == "off")
+        daemon.ask("revert")
     if daemon.state("x") == "off":
         daemon.ask_when_it_stands("start", "x", hold=True)
     wait_until(lambda: daemon.state("x") == "idle")
-    if axis(daemon)["controller"] != "C2":
-        daemon.ask("revert")
 
 
 def move(daemon: Daemon, to_m: float) -> None:
