@@ -20,7 +20,7 @@ def answered_by_nothing(times, *more_hz):
     Each is `times` as large in rms as what moves the axis. Another axis is recorded beside it,
     which might do that.
     """
-    data, beside = (OtherPlant().run(seed=seed, duration_s=16.0) for seed in (4, 9))
+    data, beside = (OtherPlant().run(seed=seed, duration_s=10.0) for seed in (4, 9))
     size = times * np.sqrt(2.0) * np.std(data.command)
     waves = sum(np.sin(2 * np.pi * hz * data.time_s) for hz in (FREQUENCY_HZ, *more_hz))
     return replace(data, command=data.command + size * waves, others={"y": beside})

@@ -16,7 +16,7 @@ from motorctl.identify.diagnose.search.simulated_position import simulated_posit
 from motorctl.model import effect_class, make_effect
 
 
-def named(plant, seed=3, duration_s=12.0):
+def named(plant, seed=3, duration_s=8.0):
     """Diagnose a run of a plant."""
     return diagnose_axis(plant.run(seed=seed, duration_s=duration_s), C1)
 

@@ -20,7 +20,7 @@ STALE = 20
 @pytest.fixture(scope="module")
 def run():
     """An axis that rests first, as its command is below its dry friction."""
-    sound = OtherPlant(width_m_s=2e-3).run(seed=3, duration_s=12.0)
+    sound = OtherPlant(width_m_s=2e-3).run(seed=3, duration_s=7.0)
     rest = round(REST_S * sound.sample_rate_hz)
     position = np.r_[np.full(rest, sound.position[0]), sound.position]
     return replace(

@@ -112,8 +112,8 @@ def test_an_effect_that_is_there_is_not_refuted(signals):
 
 @pytest.mark.slow
 def test_the_simulated_position_is_that_of_the_second_recording():
-    first = OtherPlant(cogging=0.05).run(seed=4, duration_s=10.0)
-    stronger = OtherPlant(cogging=0.15).run(seed=4, duration_s=10.0)
+    first = OtherPlant(cogging=0.05).run(seed=4, duration_s=6.0)
+    stronger = OtherPlant(cogging=0.15).run(seed=4, duration_s=6.0)
     own = diagnose_axis(first, C1).error
     told = diagnose_axis(first, C1, test=stronger).error
     # a third of the cogging is compensated there, and two thirds are left
