@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from math import atanh, exp, tanh
 
 import numpy as np
 import pytest
@@ -29,11 +30,11 @@ def wheel(levels, cold=0.0):
     u = np.repeat(levels, int(STEP_S * RATE_HZ))
     x, v, inner = np.zeros(len(u)), 0.0, 20
     for k in range(1, len(u)):
-        x[k] = x[k - 1]
+        x[k], command = x[k - 1], float(u[k - 1])
+        warm = cold * exp(-k / RATE_HZ / 100.0)
         for _ in range(inner):
-            bent = 5.0 * np.arctanh(np.clip(v / TOP, -0.999, 0.999)) + 0.4 * np.tanh(v / 0.01)
-            bent += cold * v * np.exp(-k / RATE_HZ / 100.0)
-            v += (u[k - 1] - bent) / INERTIA / (RATE_HZ * inner)
+            bent = 5.0 * atanh(min(max(v / TOP, -0.999), 0.999)) + 0.4 * tanh(v / 0.01)
+            v += (command - bent - warm * v) / INERTIA / (RATE_HZ * inner)
             x[k] += v / (RATE_HZ * inner)
     noise = np.random.default_rng(1)
     plain = OtherPlant().run(seed=1, duration_s=1.0)
