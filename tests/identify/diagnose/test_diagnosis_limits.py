@@ -66,6 +66,8 @@ def test_a_move_there_and_back_is_answered_with_the_motion_that_would_tell(tmp_p
 def test_an_effect_outside_the_list_is_called_unknown(tmp_path, effect):
     found = diagnosed(draw_case(1001, effects=(effect,)), tmp_path, duration_s=24.0)
     assert found.verdict == "unknown_structure"
+    assert found.unknown is not None
+    assert found.unknown.sentence in found.sentence
 
 
 @pytest.mark.long

@@ -94,17 +94,6 @@ def test_the_traces_fit_together(cogging):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    "effect", ["friction_bump", pytest.param("wandering_force", marks=pytest.mark.long)]
-)
-def test_what_no_list_has_is_called_unknown(tmp_path, effect):
-    found = diagnosed(draw_case(31, effects=(effect,)), tmp_path, 12.0)
-    assert found.verdict == "unknown_structure"
-    assert found.unknown is not None
-    assert found.unknown.sentence in found.sentence
-
-
-@pytest.mark.slow
 def test_a_bend_that_what_was_missing_hid_is_the_declared_one_and_no_other_effect(tmp_path):
     case = draw_case(1_350_000, effects=("cross_axis",), motion="repeated")
     found = diagnosed(case, tmp_path)
