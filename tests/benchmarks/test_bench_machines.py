@@ -388,9 +388,13 @@ def test_the_stairs_of_a_coarse_encoder_hide_no_lag():
         # the contact yields by three counts of a coarse encoder, which dry friction would not
         (MachineKey("scipy_ode", "presliding", 901), {"presliding"}),
         # friction that turns over otherwise than declared, to which Stribeck's bends itself
-        (MachineKey("scipy_ode", "stribeck", 3200), {"stribeck"}),
+        pytest.param(
+            MachineKey("scipy_ode", "stribeck", 3200), {"stribeck"}, marks=pytest.mark.long
+        ),
         # friction of another shape beside a payload: Stribeck's would decay within its corner
-        (MachineKey("energy", "payload_step", 3400), {"payload_change"}),
+        pytest.param(
+            MachineKey("energy", "payload_step", 3400), {"payload_change"}, marks=pytest.mark.long
+        ),
         # dry friction that holds the axis at its turns, for 10 to 50 ms
         (MachineKey("mujoco", "none", 2900), set()),
     ],
