@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 import yaml
 from daemon_rig import Daemon, bench_config
-from refine_bench import THETA, axis_diagnosis, cogging, found
+from refine_bench import THETA, given_diagnosis
 from typer.testing import CliRunner
 
 from motorctl.cli import make_app
@@ -24,17 +24,10 @@ from motorctl.daemon.running_machine import machine_of_daemon
 from motorctl.errors import MotorctlError, UsageError
 from motorctl.experiment.candidates import Candidate
 from motorctl.experiment.session import Experiment, Standing
-from motorctl.identify.columns.measured import measured
 from motorctl.identify.diagnose.report.motion_advice import Stroke
-from motorctl.identify.diagnose.result import RecordingDiagnosis
-from motorctl.log import Recording, read_recording
+from motorctl.log import read_recording
 
 pytestmark = [pytest.mark.wall_clock(lanes=3), pytest.mark.slow]
-
-OF_THETA = (
-    "inertia", "viscous_friction", "coulomb_friction", "offset", "em_quadratic", "em_cubic"
-)  # fmt: skip
-"""What the parameters of the simulated gantry are of."""
 
 
 @pytest.fixture(scope="module")
@@ -72,24 +65,12 @@ def test_a_configuration_of_another_machine_is_refused_with_the_key(daemon: Daem
     assert daemon.state("x") == "off"
 
 
-def given_diagnosis(recording: Recording, models: Any, *_: Any) -> RecordingDiagnosis:
-    """Find what the simulated gantry has and the configuration has not: cogging, on axis x."""
-    cogs, theta = cogging("x")
-    effects = {"x": (found(cogs, theta, 5000.0),), "y": ()}
-    axes = {}
-    for name, declared in models.items():
-        truth = dict(zip(OF_THETA, THETA[name], strict=True))
-        theta = [truth[effect] for effect in declared.names]
-        axes[name] = axis_diagnosis(measured(recording, name), declared, effects[name], theta)
-    return RecordingDiagnosis(recording.source, 400.0, recording.duration_s, axes)
-
-
 @pytest.mark.slow
 def test_what_breaks_it_off_stops_the_axes_and_resume_goes_on(
     daemon: Daemon, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     out = Path(tempfile.mkdtemp(dir=daemon.config.parent)) / "closed"  # begun anew: another one
-    words = ("--out", out, "--rounds", 1, "--motion", "own", "--duration", 3, "--json")
+    words = ("--out", out, "--rounds", 1, "--motion", "own", "--duration", 2, "--json")
     waited = machine_rig.MachineRig._wait
     runs: list[str] = []
 
@@ -117,7 +98,7 @@ def test_what_breaks_it_off_stops_the_axes_and_resume_goes_on(
     log = out / "round_0" / "own.parquet"
     alone = CliRunner().invoke(make_app(), ["diagnose", str(log), "--axis", "x", "--json"])
     inertia = json.loads(alone.stdout)["axes"]["x"]["parameters"]["inertia"]["value"]
-    assert inertia == pytest.approx(THETA["x"][0], rel=0.5)  # of three seconds
+    assert inertia == pytest.approx(THETA["x"][0], rel=0.5)  # of two seconds
     assert (out / "refined.yaml").is_file()
 
 

@@ -7,10 +7,12 @@ from typing import Any
 
 import pytest
 from daemon_rig import bench_config
+from refine_bench import given_diagnosis
 from typer.testing import CliRunner
 
 from motorctl.cli import make_app
 from motorctl.close_loop import rigs
+from motorctl.close_loop import rounds as rounds_module
 from motorctl.close_loop.rigs import ResumedRig
 from motorctl.close_loop.run_folder import prepared, refuse_recordings_of_a_machine
 from motorctl.config import Machine, load
@@ -227,6 +229,7 @@ def test_a_loop_that_broke_off_goes_on_with_what_is_there(
         return simulate(machine, log, **more)
 
     monkeypatch.setattr(rigs, "simulate", counted)
+    monkeypatch.setattr(rounds_module, "diagnose_recording", given_diagnosis)
     CliRunner().invoke(make_app(), words)
     assert runs == ["own.parquet", "unused.parquet"]
     first = (out / "round_0" / "own.parquet").stat().st_mtime_ns

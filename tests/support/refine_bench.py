@@ -22,6 +22,9 @@ THETA = {
     "y": (0.670, 0.296, 0.182, 0.004, -0.0168, -0.00058),
 }
 """What the simulated gantry has: inertia, viscous, Coulomb, offset, quadratic, cubic."""
+OF_THETA = (
+    "inertia", "viscous_friction", "coulomb_friction", "offset", "em_quadratic", "em_cubic"
+)  # fmt: skip
 PITCH_M = 0.05
 COGGING = {
     "x": ((1, 0.034, 0.3), (2, 0.039, 1.1), (6, 0.142, 0.0)),
@@ -125,3 +128,15 @@ def gantry_log(folder: Path, duration_s=5.0):
     log = folder / "run.parquet"
     simulate(load("published_gantry"), log, duration_s=duration_s)
     return log
+
+
+def given_diagnosis(recording, models, *_):
+    """Find what the simulated gantry has and the configuration has not: cogging, on axis x."""
+    cogs, theta = cogging("x")
+    effects = {"x": (found(cogs, theta, 5000.0),), "y": ()}
+    axes = {}
+    for name, declared in models.items():
+        truth = dict(zip(OF_THETA, THETA[name], strict=True))
+        theta = [truth[effect] for effect in declared.names]
+        axes[name] = axis_diagnosis(measured(recording, name), declared, effects[name], theta)
+    return RecordingDiagnosis(recording.source, 400.0, recording.duration_s, axes)
