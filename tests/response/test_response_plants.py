@@ -147,7 +147,9 @@ def test_the_measured_loop_is_the_law_around_the_plant(of_x):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("axis", "plant"), [("x", X), ("y", Y)])
+@pytest.mark.parametrize(
+    ("axis", "plant"), [pytest.param("x", X, marks=pytest.mark.long), ("y", Y)]
+)
 def test_the_published_plants_answer_as_they_do_on_paper(tmp_path, axis, plant):
     log = tmp_path / "log.parquet"
     require_close(measured(load("published_gantry"), axis, log), log, plant)
