@@ -82,7 +82,7 @@ def test_a_new_process_finds_what_is_installed(installed, tmp_path):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("toy", few_of(TOYS, 2))
+@pytest.mark.parametrize("toy", few_of(TOYS, 1))
 def test_a_declared_toy_is_checked_and_run(installed, toy, tmp_path):
     path = configuration(tmp_path / "machine.yaml", TOYS[toy])
     assert toy in json.dumps(command("check", path, "--json"))

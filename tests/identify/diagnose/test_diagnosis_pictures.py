@@ -93,7 +93,7 @@ def test_a_line_over_time_is_marked_in_the_spectrum_and_a_wave_over_position_is_
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", few_of(sorted(bench.KNOWN), 4))
+@pytest.mark.parametrize("name", few_of(sorted(bench.KNOWN), 2))
 def test_every_effect_can_be_drawn(tmp_path, name):
     for picture in plot_diagnosis(bench.recording(x=bench.axis_diagnosis(name)), tmp_path):
         assert_is_a_picture(picture.path)
