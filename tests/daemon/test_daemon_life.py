@@ -188,20 +188,6 @@ def test_a_loop_that_stands_still_is_ended_and_starves_the_watchdog(tmp_path: Pa
             assert pq.read_metadata(daemon.log()).num_rows > 0
 
 
-def test_a_killed_supervisor_leaves_no_loop_and_a_recoverable_log(tmp_path: Path) -> None:
-    with Daemon(tmp_path) as daemon:
-        daemon.ask("start", axis="x")
-        daemon.ask("program", axis="x", name="shuttle")
-        rows = daemon.ask("status")["recording"]["rows"]
-        pid = loop_pid(daemon)
-        assert daemon.end(signal.SIGKILL) == -signal.SIGKILL
-        wait_until(lambda: not alive(pid))
-        (partial,) = daemon.partial_logs()
-        found = recover(partial)
-        assert found.rows >= rows
-        assert pq.read_metadata(found.path).num_rows == found.rows
-
-
 def test_a_daemon_says_a_word_before_it_loads_anything_and_a_stop_while_starting_is_told(
     tmp_path: Path,
 ) -> None:
