@@ -199,10 +199,10 @@ RESTART = {"kind": "reset", "at_s": 0.6, "duration_s": 0.05}
 @pytest.mark.parametrize(
     ("bus_name", "fault"),
     [
-        ("serial poll", UNPLUG),
         ("modbus tcp", UNPLUG),
-        ("can udp_multicast", RESTART),
         ("modbus rtu", RESTART),
+        pytest.param("serial poll", UNPLUG, marks=pytest.mark.long),
+        pytest.param("can udp_multicast", RESTART, marks=pytest.mark.long),
         pytest.param("slcan", UNPLUG, marks=pytest.mark.long),
         pytest.param("modbus rtu", UNPLUG, marks=pytest.mark.long),
         pytest.param("serial stream", RESTART, marks=pytest.mark.long),

@@ -272,10 +272,15 @@ MAY_BE_HELD = ("delay", "babbling")
 """All others are, in some ticks: noise on a line may fall between two frames."""
 SOME_TICKS = 0.1
 """Share of ticks that a busy machine may have held by itself."""
+ONE_OF_EACH = ("serial poll", "can udp_multicast", "modbus tcp")
+"""A stream of bytes, frames and requests: CANopen's frames are those of CAN."""
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("bus_name", FEW_AND_LONG)
+@pytest.mark.parametrize(
+    "bus_name",
+    [bus if bus in ONE_OF_EACH else pytest.param(bus, marks=pytest.mark.long) for bus in EVERY],
+)
 def test_a_fault_that_passes_is_held_over_and_a_counter_that_wraps_on_the_way_is_no_jump(
     tmp_path: Path, bus_name: str
 ) -> None:

@@ -42,7 +42,8 @@ TOLD = {
     Status.COMMUNICATION_LOST: "since then communication with the device is lost",
 }
 """What the device said in the tick that tripped, if it was heard by then."""
-FEW = ("serial poll", "can udp_multicast", "canopen", "modbus tcp")
+FEW = ("serial poll", "canopen")
+"""A box that switches its amplifiers off by itself, and a drive that goes into Fault."""
 
 
 def _begin_again(daemon: Daemon, axis: str) -> None:
