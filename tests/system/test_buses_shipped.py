@@ -15,7 +15,7 @@ from motorctl.config import load, summarise
 from motorctl.config.shipped import shipped_config
 from motorctl_devices.load import SHIPPED
 
-RUN_S = 3.0
+RUN_S = 2.0
 NO_SWITCHES = "no limit_negative and limit_positive for x, y"
 ADVICE = {
     "serial": [],

@@ -29,6 +29,9 @@ ABSENT = {
     "modbus rtu": (NOBODY, f"rtu.port: there is no port {NOBODY}"),
     "can udp_multicast": ("", "no state frame 'state' (0x180, 8 B) within open_timeout_s = 1 s"),
 }
+FEW = ("serial poll", "can udp_multicast")
+"""A port that is not there, and a bus on which nobody answers; each driver's own tests have its
+words."""
 
 
 def _refused(folder: Path, config: str) -> str:
@@ -42,7 +45,9 @@ def _refused(folder: Path, config: str) -> str:
     return daemon.said.strip().splitlines()[-1]
 
 
-@pytest.mark.parametrize("bus_name", ABSENT)
+@pytest.mark.parametrize(
+    "bus_name", [bus if bus in FEW else pytest.param(bus, marks=pytest.mark.long) for bus in ABSENT]
+)
 def test_a_device_that_is_not_there_is_one_message_and_exit_status_1(tmp_path, bus_name) -> None:
     bus, (endpoint, words) = BUSES[bus_name], ABSENT[bus_name]
     assert words in _refused(tmp_path, host_file(bus, bus.driver(endpoint, free_port())))
@@ -97,7 +102,7 @@ def _served(folder: Path, bus: Bus, *faults: dict[str, object]) -> Iterator[str]
 @pytest.mark.parametrize(
     ("bus_name", "words"),
     [
-        ("serial poll", "in use by another program"),
+        pytest.param("serial poll", "in use by another program", marks=pytest.mark.long),
         ("modbus tcp", "driven by another program on this machine"),
         pytest.param("slcan", "in use by another program", marks=pytest.mark.long),
         pytest.param("modbus rtu", "in use by another program", marks=pytest.mark.long),

@@ -43,7 +43,7 @@ def _pause(pid: int) -> None:
 @pytest.mark.parametrize(
     ("name", "lasts_s"),
     [
-        ("published_gantry", 6.0),
+        ("published_gantry", 4.0),
         *(pytest.param(n, MINUTES_S, marks=[pytest.mark.long, pytest.mark.timeout(900)])
           for n in SIMULATED),
     ],
