@@ -118,7 +118,7 @@ def test_nothing_is_named_beside_an_inertia_that_is_surely_negative_and_the_sign
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("begins_s", [1e6, 1.7e9])
+@pytest.mark.parametrize("begins_s", [pytest.param(1e6, marks=pytest.mark.long), 1.7e9])
 def test_a_load_is_named_wherever_the_clock_begins(monkeypatch, begins_s):
     monkeypatch.setattr(columns, "_USES", {})  # as in a process that has seen no other clock
     rng = np.random.default_rng(8)

@@ -21,7 +21,7 @@ from motorctl.identify.diagnose.verdict.recording_mistakes import check_explains
 @pytest.fixture(scope="module")
 def run() -> Measured:
     """A sound recording by another author's plant."""
-    return OtherPlant(shape="tanh", width_m_s=2e-3).run(seed=3, duration_s=12.0)
+    return OtherPlant(shape="tanh", width_m_s=2e-3).run(seed=3, duration_s=8.0)
 
 
 def stuck_from_rest(run: Measured) -> tuple[Measured, float]:

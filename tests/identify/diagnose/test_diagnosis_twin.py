@@ -14,7 +14,7 @@ from motorctl.identify.diagnose.recording import diagnose_axis
 @pytest.mark.parametrize("resolution", [5e-6, pytest.param(5e-5, marks=pytest.mark.long)])
 def test_a_coarse_encoder_is_no_missing_effect(shape, resolution):
     plant = OtherPlant(shape=shape, width_m_s=5e-3, resolution=resolution, bandwidth_hz=8.0)
-    axis = diagnose_axis(plant.run(seed=5, duration_s=16.0), C1)
+    axis = diagnose_axis(plant.run(seed=5, duration_s=10.0), C1)
     assert axis.effects == ()
     assert axis.verdict in ("complete", "insufficient_data")
 
@@ -22,14 +22,14 @@ def test_a_coarse_encoder_is_no_missing_effect(shape, resolution):
 @pytest.mark.slow
 def test_cogging_behind_a_coarse_encoder_is_still_found():
     plant = OtherPlant(resolution=5e-5, bandwidth_hz=8.0, cogging=0.15, pitch_m=0.03)
-    axis = diagnose_axis(plant.run(seed=6, duration_s=16.0), C1)
+    axis = diagnose_axis(plant.run(seed=6, duration_s=10.0), C1)
     assert [effect.name for effect in axis.effects][:1] == ["cogging"]
 
 
 @pytest.mark.slow
 def test_the_weight_of_an_arm_is_named_with_its_family():
     plant = OtherPlant(inertia=0.05, gravity=2.0, travel=2.5, peak_velocity=1.5, resolution=1e-5)
-    data = plant.run(seed=2, duration_s=16.0)
+    data = plant.run(seed=2, duration_s=10.0)
     data = type(data)(**{**data.__dict__, "position_unit": "rad", "command_unit": "A"})
     (effect,) = diagnose_axis(data, C1).effects
     assert effect.name == "gravity"
