@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import replace
+from math import tanh
 
 import numpy as np
 import pytest
@@ -40,9 +41,9 @@ def clean_wheel(sines=SINES) -> Measured:
     )
     speed, told, step_s = 0.0, np.zeros(rows), 1.0 / (RATE_HZ * SUBSTEPS)
     for row in range(rows):
-        told[row] = speed
+        told[row], driven = speed, float(command[row])
         for _ in range(SUBSTEPS):
-            force = command[row] - VISCOUS * speed - FRICTION * np.tanh(speed / 0.5)
+            force = driven - VISCOUS * speed - FRICTION * tanh(speed / 0.5)
             speed += step_s * force / INERTIA
     told += NOISE_RAD_S * np.random.default_rng(1).standard_normal(rows)
     position = np.concatenate([[0.0], np.cumsum(0.5 * (told[1:] + told[:-1])) / RATE_HZ])
