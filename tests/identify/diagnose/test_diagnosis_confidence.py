@@ -81,10 +81,12 @@ def test_a_name_that_is_hardly_ever_right_is_not_given(with_chance, monkeypatch)
 
 
 @pytest.mark.slow
-def test_what_was_doubted_is_told_with_its_figures(monkeypatch):
-    pulled = OtherPlant(shape="tanh", width_m_s=5e-3, cogging=0.3).run(seed=4, duration_s=10.0)
+def test_cogging_beside_a_soft_friction_is_cogging_alone_and_told_where_it_is_doubted(monkeypatch):
+    pulled = OtherPlant(shape="tanh", width_m_s=5e-3, cogging=0.05).run(seed=4, duration_s=8.0)
     sure = diagnose_axis(pulled, C1)
     assert [found.name for found in sure.effects] == ["cogging"]
+    assert sure.effects[0].effect.options.pitch_m == pytest.approx(0.06, rel=1e-3)
+    assert [term.name for term in sure.mended] == ["coulomb_friction"]
     assert sure.effects[0].grounds["unexplained"] < 0.05
     table = {what: dict.fromkeys(row, 0.0) | {"intercept": -2.0} for what, row in weights().items()}
     monkeypatch.setattr(judging, "weights", lambda: table)
