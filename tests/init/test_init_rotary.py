@@ -156,7 +156,7 @@ def test_a_joint_is_simulated_diagnosed_and_refined_in_radians(joint, tmp_path):
     machine.write_text(
         joint.read_text().replace("        inertia_v", f"        {cogging}\n        inertia_v", 1)
     )
-    assert "µrad" in run("simulate", machine, "--log", log)
+    assert "µrad" in run("simulate", machine, "--log", log, "--duration", 6)
     report = tmp_path / "report"
     told = run("diagnose", log, "--out", report)
     assert not METRES.findall(told), METRES.findall(told)
@@ -168,6 +168,6 @@ def test_a_joint_is_simulated_diagnosed_and_refined_in_radians(joint, tmp_path):
     found = load(better).axes["c"].model
     assert found.effects[-1].options.pitch_m == pytest.approx(pitch, rel=1e-3)
     again = tmp_path / "d.parquet"
-    run("simulate", better, "--log", again)
+    run("simulate", better, "--log", again, "--duration", 6)
     compared = json.loads(run("compare", log, again, "--json"))
     assert compared["axes"]["c"]["ratios_first_over"][0]["eF"] > 3.0
