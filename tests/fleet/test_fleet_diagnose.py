@@ -188,7 +188,10 @@ def test_a_log_that_was_moved_is_known_and_the_store_tells_where_it_is(
 
 
 @pytest.mark.slow
-def test_a_scheduler_that_goes_away_is_told_with_what_to_do(good_log: Path, tmp_path: Path) -> None:
+def test_a_scheduler_that_goes_away_is_told_with_what_to_do(
+    good_log: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(cluster_module, "CONNECT_S", 3.0)  # so long it is asked for once more
     with LocalCluster(
         n_workers=1, threads_per_worker=1, host="127.0.0.1", dashboard_address="127.0.0.1:0"
     ) as cluster:
