@@ -95,7 +95,7 @@ def test_ctrl_c_stops_the_axis_and_takes_the_excitation_with_it(
 def test_a_running_axis_is_measured_and_holds_again(daemon: Daemon, tmp_path: Path) -> None:
     daemon.ask_when_it_stands("start", "x")
     # Short periods, and more than are needed: a computer that skips a tick spoils one of them.
-    words = ("--band", "8,100", "--periods", "24", "--out", tmp_path, "--json")
+    words = ("--band", "12,150", "--periods", "20", "--out", tmp_path, "--json")
     told = json.loads(respond(daemon, "x", *words).stdout)
     assert daemon.state("x") == "idle"
     assert daemon.ask("status")["axes"]["x"]["excitation"] is None
