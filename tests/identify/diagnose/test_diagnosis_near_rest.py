@@ -110,7 +110,7 @@ def test_the_width_of_a_gentle_friction_is_found_through_a_coarse_encoder(
     shape, width_m_s, resolution
 ):
     plant = OtherPlant(shape=shape, width_m_s=width_m_s, resolution=resolution)
-    found = diagnose_axis(plant.run(seed=3, duration_s=8.0), C1)
+    found = diagnose_axis(plant.run(seed=3, duration_s=12.0), C1)
     assert (found.verdict, found.effects) == ("complete", ()), found.sentence
     assert found.mended[0].options["slope_s_m"] == pytest.approx(1.0 / width_m_s, rel=0.03)
     assert found.error.held_out_after_rms < 2.5 * found.error.noise_floor_rms
