@@ -35,8 +35,8 @@ USUAL_S = 2.0
 USUAL = bench_config("shuttle", supervisor_timeout_s=USUAL_S)
 IMPATIENT = bench_config("shuttle", supervisor_timeout_s=0.5)
 """The axis is still on its first way when the loop misses its supervisor."""
-FEW = ("serial exchange", "canopen")
-FEW_AND_LONG = [bus if bus in FEW else pytest.param(bus, marks=pytest.mark.long) for bus in BUSES]
+ONE = "serial exchange"
+ONE_AND_LONG = [bus if bus == ONE else pytest.param(bus, marks=pytest.mark.long) for bus in BUSES]
 
 
 KILLED = {
@@ -213,15 +213,7 @@ def test_whatever_moment_it_is_killed_at_a_log_ends_less_than_a_second_before(
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    "name",
-    [
-        name
-        if name in ("serial exchange", "canopen")
-        else pytest.param(name, marks=pytest.mark.long)
-        for name in BUSES
-    ],
-)
+@pytest.mark.parametrize("name", ONE_AND_LONG)
 def test_loop_and_supervisor_killed_at_once_leave_the_device_to_its_own_watchdog(
     tmp_path: Path, name: str
 ) -> None:
