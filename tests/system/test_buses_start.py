@@ -16,8 +16,11 @@ from buses_bench import BUSES, Bus, DeviceProcess, device_file, free_port, host_
 from daemon_rig import START_TIMEOUT_S, Daemon
 from gantry_device_bench import from_wire, to_wire
 
+from motorctl.config import load
+from motorctl.errors import RunError
 from motorctl.hal import Status
 from motorctl.loop.faults import device_message
+from motorctl.loop.tick import make_drivers
 
 pytestmark = [pytest.mark.slow, pytest.mark.wall_clock(lanes=3)]
 
@@ -84,10 +87,16 @@ def _of_another_version() -> Iterator[str]:
 
 
 def test_a_box_that_speaks_another_version_is_one_message(tmp_path) -> None:
-    bus = BUSES["serial poll"]
+    """Of the driver; what a daemon makes of such a message is told above."""
+    bus, config = BUSES["serial poll"], tmp_path / "host.yaml"
     with _of_another_version() as port:
-        said = _refused(tmp_path, host_file(bus, bus.driver(port, 0)))
+        config.write_text(host_file(bus, bus.driver(port, 0)))
+        (driver,) = make_drivers(load(config)).values()
+        with pytest.raises(RunError) as refused:
+            driver.open()
+    said = str(refused.value)
     assert "speaks versions 2 to 3 of the protocol, this driver speaks version 1" in said
+    assert "\n" not in said
 
 
 @contextmanager
