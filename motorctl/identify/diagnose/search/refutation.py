@@ -14,6 +14,7 @@ from functools import partial
 import numpy as np
 from scipy.stats import gmean
 
+from motorctl.identify.diagnose.search.acts_one_way import acts_one_way
 from motorctl.identify.diagnose.search.friction_corner import corner_of_friction
 from motorctl.identify.diagnose.search.gap_in_ripple import gap_in_ripple
 from motorctl.identify.diagnose.search.hypothesis import Hypothesis
@@ -85,7 +86,7 @@ def without_refuted(found: Found, held_out: Rows | None = None) -> tuple[Found, 
             continue
         worse = (_worse_when_simulated(name, missed, final, rows) for rows, missed in others)
         refuted = forbidden or at_its_end(final, found.spans) or shown_by_turning(final)
-        refuted = refuted or corner_of_friction(final)
+        refuted = refuted or acts_one_way(final) or corner_of_friction(final)
         refuted = refuted or uncommanded(final) or as_late_column(final)
         refuted = refuted or worse_in_other_direction(final)
         refuted = refuted or motions_own_wave(final) or gap_in_ripple(final)
