@@ -162,9 +162,15 @@ def inertia_is_negative(hypothesis: Hypothesis) -> bool:
     surely = float(found.b[0]) < -SURELY * sigma
     if any(effect.kind == "command" for effect in hypothesis.added):
         return surely
-    rows = problem.joined(hypothesis.regressors.signals.rows)
-    part = abs(float(found.b[0])) * np.std(rows[0]) / max(float(np.std(rows[-1])), 1e-300)
-    return surely and bool(part > SEEN)
+    return surely and inertia_is_seen(hypothesis)
+
+
+def inertia_is_seen(hypothesis: Hypothesis) -> bool:
+    """Return whether inertia asks for a part of the command that tells its sign."""
+    rows = hypothesis.problem.joined(hypothesis.regressors.signals.rows)
+    left, right = (0, -1) if hypothesis.regressors.side == "command" else (-1, 0)
+    asked = abs(float(np.std(rows[left])) / float(hypothesis.b[0]))
+    return asked > SEEN * max(float(np.std(rows[right])), 1e-300)
 
 
 def is_physical(hypothesis: Hypothesis, beside: Compensation) -> bool:

@@ -22,7 +22,7 @@ from motorctl.identify.diagnose.search.late_column import as_late_column
 from motorctl.identify.diagnose.search.motions_own_waves import motions_own_wave
 from motorctl.identify.diagnose.search.option_ranges import ends_reached
 from motorctl.identify.diagnose.search.other_direction import worse_in_other_direction
-from motorctl.identify.diagnose.search.physics import beyond_physics, physical
+from motorctl.identify.diagnose.search.physics import beyond_physics, inertia_is_seen, physical
 from motorctl.identify.diagnose.search.search import Found, declared_alone, with_final
 from motorctl.identify.diagnose.search.simulated_position import (
     Missed,
@@ -42,7 +42,7 @@ from motorctl.identify.diagnose.search.whole_model import (
     OF_INERTIA,
     FrictionPower,
     InertiaRange,
-    beside_waves,
+    beside_what_hides_it,
     can_move,
     friction_power,
     inertia_of,
@@ -58,6 +58,9 @@ CERTAIN = 1e-9
 """Size, relative to the travel, below which a simulation that is worse means nothing. Larger lets
 impossible models of fine motion pass, smaller refutes by rounding. Convention: far below any
 encoder, far above a double's rounding, 2e-16."""
+EXPLAINS_IT = 0.5
+"""Squared error that a refuted lag or delay leaves, up to which its time is told. Larger tells of
+times that only take a part, smaller hides why an axis is not understood. Convention: half."""
 NO_NEARER = 1.003
 """Simulated motion over that without an effect, beside all others, from which it is no nearer.
 Smaller refutes what leaves the motion as it is, as a resonance far above it does; larger lets
@@ -91,7 +94,7 @@ def without_refuted(found: Found, held_out: Rows | None = None) -> tuple[Found, 
         refuted = refuted or worse_in_other_direction(final)
         refuted = refuted or motions_own_wave(final) or gap_in_ripple(final)
         refuted = refuted or speed_instead(final)
-        beside = known_inertias(beside_waves(found.base, final))
+        beside = known_inertias(beside_what_hides_it(found.base, final))
         refuted = refuted or drives_itself(final) or of_impossible_inertia(final, beside)
         refuted = refuted or next(filter(None, worse), None)
         if held_out is not None:
@@ -149,6 +152,7 @@ def moves_no_nearer(
         f"{name} is refuted: with it the position and the velocity simulated on rows held out miss "
         f"the recorded ones by {found[name]:.4g} times as much as without it, over windows of all "
         f"lengths; a name must not raise that (limit {NO_NEARER:g})"
+        f"{_late_all_the_same(final, name)}"
     )
 
 
@@ -301,5 +305,19 @@ def _worse_when_simulated(
         f"{effect.name} is refuted: with it the position simulated over {simulated.window_s:.3g} s "
         f"misses the recorded one by {simulated.after_rms:.3g} rms, with {name} by "
         f"{simulated.before_rms:.3g}; over windows of all lengths {simulated.ratio:.3g} times as "
-        f"much, limit {WORSE:g}"
+        f"much, limit {WORSE:g}{_late_all_the_same(final, effect.name)}"
+    )
+
+
+def _late_all_the_same(final: Hypothesis, name: str) -> str:
+    """Return what to add where a lag or delay that moves the model worse explains the command."""
+    effect = next(each for each in final.added if each.name == name)
+    left = final.held_out / max(final.without(name).refreshed().held_out, 1e-300)
+    if effect.kind != "command" or left > EXPLAINS_IT:
+        return ""
+    unseen = "" if inertia_is_seen(final) else ", beside which no inertia is seen,"
+    return (
+        f". Yet the recorded command {1e3 * (effect.delay_s + effect.lag_s):.3g} ms before"
+        f"{unseen} explains {100.0 * (1.0 - left):.0f} % of the squared error: the position may be "
+        "recorded late, or the axis follow a command that is rather a speed"
     )

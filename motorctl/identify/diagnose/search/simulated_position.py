@@ -1,7 +1,9 @@
 """The yardstick that no hypothesis can change: the recorded position, predicted by simulation.
 
 The modelled acceleration along the recorded command and motion is integrated twice, from the
-measured state at the beginning of each window. Over short windows the noise of that state rules,
+measured state at the beginning of each window. Where the simulated speed leaves the recorded one,
+viscous friction brings it back: of an axis that follows its command at once, as one behind a drive
+of its speed, nothing else tells where it goes. Over short windows the noise of that state rules,
 over long ones the drift of whatever small force is unknown; so several lengths are asked, and that
 one is told at which the declared model's error first stands clear of the noise.
 """
@@ -10,30 +12,62 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.signal import lfilter
 from scipy.stats import gmean
 
 from motorctl.identify.columns.signals import Signals
 from motorctl.identify.diagnose.search.hypothesis import Hypothesis
-from motorctl.identify.diagnose.search.whole_model import InertiaRange, can_move
+from motorctl.identify.diagnose.search.whole_model import InertiaRange, can_move, inertia_of
 
 Array = NDArray[np.float64]
 Rows = NDArray[np.bool_]
-Missed = Mapping[float, float]
+ByWindow = Mapping[float, float]
 """What a model misses of position or velocity, rms, by the length of the windows [s], shortest
 first."""
 
 WINDOWS_S = (0.01, 0.03, 0.1)
 """Lengths of the windows [s], a half decade apart. Shorter ones show the noise of the measured
 state, in longer ones drift rules. Chosen by hand."""
+LONG_WINDOWS_S = (0.3, 1.0, 3.0)
+"""Lengths of windows for models that differ in whether inertia or a delay makes the motion late
+[s]. Chosen by hand: on from the others."""
+FORGOTTEN = 3.0
+"""Length of such windows, over the time for which the heavier model keeps its speed. In shorter
+ones it goes on as it was measured and the lighter one does not, which says nothing of either.
+Arithmetic: a twentieth is left of the speed at the beginning."""
+LIGHTER = 2.0
+"""Factor in inertia from which that is so. Larger asks light models for what they cannot know,
+smaller lets drift decide. Convention: twofold, as inertia that is far off."""
+FASTER = 0.01
+"""Part by which a motion is taken to be faster to see how friction grows. Larger leaves the
+straight line, smaller drowns in rounding. Chosen by hand."""
 FEWEST_SAMPLES = 4
 """Samples of a window at least. Fewer show no motion. Arithmetic: a state and its change."""
 CLEAR_OF_NOISE = 5.0
 """What the declared model misses, over the rms of the position's noise, from which a window tells
 of the model. Larger tells of longer windows, smaller of the noise. Chosen by hand."""
+
+
+@dataclass(frozen=True)
+class Missed:
+    """What a model misses of position or velocity [rms], and how it moves."""
+
+    usual: ByWindow
+    """In windows of WINDOWS_S."""
+    long: ByWindow
+    """In windows of LONG_WINDOWS_S."""
+    inertia: float
+    """In units of the command; not above 0 where it is not seen."""
+    keeps_s: float
+    """How long friction lets it keep a speed: inertia over viscous friction."""
+
+
+NOT_SIMULATED = Missed({}, {}, math.nan, math.inf)
+"""Of a model that cannot be."""
 
 
 @dataclass(frozen=True)
@@ -67,18 +101,31 @@ def judge_by_simulation(signals: Signals, before: Missed, after: Missed) -> Simu
     Simulated or None
         None where no window is whole.
     """
-    ratios = ratios_of(before, after)
-    if not ratios:
+    pairs = _pairs(before, after)
+    if not pairs:
         return None
     noise = CLEAR_OF_NOISE * signals.position_noise_rms
-    told = next((w for w in ratios if before[w] > noise), list(ratios)[-1])
-    return Simulated(told, before[told], after[told], float(gmean(list(ratios.values()))))
+    told = next((w for w, (missed, _) in pairs.items() if missed > noise), list(pairs)[-1])
+    return Simulated(told, *pairs[told], float(gmean(list(ratios_of(before, after).values()))))
 
 
 def ratios_of(before: Missed, after: Missed) -> dict[float, float]:
     """Return what one model misses over what another does, by the windows that both have [s]."""
-    common = [window for window in before if window in after]
-    return {w: max(after[w], 1e-300) / max(before[w], 1e-300) for w in common}
+    return {
+        window: max(second, 1e-300) / max(first, 1e-300)
+        for window, (first, second) in _pairs(before, after).items()
+    }
+
+
+def _pairs(before: Missed, after: Missed) -> dict[float, tuple[float, float]]:
+    """Return what two models miss in the windows that tell of both [s]."""
+    lighter = after.inertia * LIGHTER < before.inertia < math.inf
+    if not lighter or after.keeps_s > WINDOWS_S[-1] or before.keeps_s == math.inf:
+        return {w: (before.usual[w], after.usual[w]) for w in before.usual if w in after.usual}
+    first, second = ({**each.usual, **each.long} for each in (before, after))
+    common = [w for w in first if w in second]
+    asked = [w for w in common if w >= FORGOTTEN * before.keeps_s] or common[-1:]
+    return {w: (first[w], second[w]) for w in asked}
 
 
 def simulated_position(hypothesis: Hypothesis, held: Rows | None = None) -> Missed:
@@ -93,15 +140,43 @@ def simulated_position(hypothesis: Hypothesis, held: Rows | None = None) -> Miss
 
     Returns
     -------
-    dict
+    Missed
         Without lengths of which no window is whole.
     """
-    return missed_by(hypothesis.predicted_acceleration(), hypothesis.regressors.signals, held)
+    return simulated_motion(hypothesis, held)[0]
 
 
 def simulated_motion(hypothesis: Hypothesis, held: Rows | None = None) -> tuple[Missed, Missed]:
     """Return what a model misses of the position and of the velocity, as `simulated_position`."""
-    return _motion_missed(hypothesis.predicted_acceleration(), hypothesis.regressors.signals, held)
+    predicted, signals = hypothesis.predicted_acceleration(), hypothesis.regressors.signals
+    inertia, keeps_s = inertia_of(hypothesis), _keeps_s(hypothesis)
+    usual, long = (
+        _motion_missed(predicted, signals, held, windows, keeps_s)
+        for windows in (WINDOWS_S, LONG_WINDOWS_S)
+    )
+    position, velocity = (Missed(*each, inertia, keeps_s) for each in zip(usual, long, strict=True))
+    return position, velocity
+
+
+def _keeps_s(model: Hypothesis) -> float:
+    """Return how long friction lets an axis keep a speed that its command has not [s].
+
+    By how all friction grows with the speed, on the whole of the motion. Not above 0 where a
+    model's inertia is not seen and came out so; infinite where friction does not grow.
+    """
+    step = model.regressors.signals.decimation
+    frictions = [e for e in model.of_kind("state") if "friction" in e.groups and not e.remembers()]
+    gained = size = 0.0
+    for s in model.regressors.signals.stretches:
+        faster = replace(s, v=(1.0 + FASTER) * s.v, quiet=(1.0 + FASTER) * s.quiet)
+        v = s.v[::step]
+        size += float(v @ v)
+        for effect in frictions:
+            own = [i for i, name in enumerate(model.names) if name == effect.name]
+            more = faster.columns(effect, step=step) - s.columns(effect, step=step)
+            gained += float(model.b[own] @ more @ v) / FASTER
+    # each over the inertia, as the acceleration stands on the left
+    return -size / gained if gained * float(model.b[0]) < 0.0 else math.inf
 
 
 def position_of_declared(
@@ -112,10 +187,10 @@ def position_of_declared(
     Nothing where its inertia would be negative, as beside a weight that outweighs it, or far beyond
     what is `known`: such a model cannot be simulated, or does not move.
     """
-    return simulated_position(base, held) if can_move(base, known) else {}
+    return simulated_position(base, held) if can_move(base, known) else NOT_SIMULATED
 
 
-def missed_by(predicted: Sequence[Array], signals: Signals, held: Rows | None = None) -> Missed:
+def missed_by(predicted: Sequence[Array], signals: Signals, held: Rows | None = None) -> ByWindow:
     """Return what any prediction of the acceleration misses of the position [m, rms].
 
     Parameters
@@ -127,20 +202,24 @@ def missed_by(predicted: Sequence[Array], signals: Signals, held: Rows | None = 
     held
         Which rows are asked, (m,); all by default.
     """
-    return _motion_missed(predicted, signals, held)[0]
+    return _motion_missed(predicted, signals, held, WINDOWS_S, math.inf)[0]
 
 
 def _motion_missed(
-    predicted: Sequence[Array], signals: Signals, held: Rows | None
-) -> tuple[Missed, Missed]:
+    predicted: Sequence[Array],
+    signals: Signals,
+    held: Rows | None,
+    windows_s: Sequence[float],
+    keeps_s: float,
+) -> tuple[ByWindow, ByWindow]:
     """Return what a prediction misses of the position [m, rms] and of the velocity [m/s, rms]."""
     chosen = _samples(signals, held)
-    lengths = {max(FEWEST_SAMPLES, round(w / signals.period_s)): None for w in WINDOWS_S}
+    lengths = {max(FEWEST_SAMPLES, round(w / signals.period_s)): None for w in windows_s}
     position: dict[float, float] = {}
     velocity: dict[float, float] = {}
     for length in lengths:
         squares = [
-            _missed(s.x, s.v, a, used, length, signals.period_s)
+            _missed(s.x, s.v, a, used, length, signals.period_s, keeps_s)
             for s, a, used in zip(signals.stretches, predicted, chosen, strict=True)
         ]
         for found, parts in zip((position, velocity), zip(*squares, strict=True), strict=True):
@@ -163,7 +242,7 @@ def _samples(signals: Signals, held: Rows | None) -> list[Rows]:
 
 
 def _missed(
-    x: Array, v: Array, a: Array, used: Rows, length: int, dt: float
+    x: Array, v: Array, a: Array, used: Rows, length: int, dt: float, keeps_s: float
 ) -> tuple[Array, Array]:
     """Return the mean squares missed of position and velocity in each whole window of a stretch."""
     windows = max(len(x) // length - 1, 0)
@@ -171,7 +250,21 @@ def _missed(
     if not windows:
         return np.zeros(0), np.zeros(0)
     whole = used[part].reshape(windows, length).all(axis=1)
+    if not whole.any():
+        return np.zeros(0), np.zeros(0)
     x, v, a = (signal[part].reshape(windows, length)[whole] for signal in (x, v, a))
     speed = v[:, :1] + dt * (np.cumsum(a, axis=1) - 0.5 * (a[:, :1] + a))
+    if keeps_s < math.inf:
+        speed = v + _brought_back(speed - v, keeps_s / dt)
     place = x[:, :1] + dt * (np.cumsum(speed, axis=1) - 0.5 * (speed[:, :1] + speed))
     return np.mean((place - x) ** 2, axis=1), np.mean((speed - v) ** 2, axis=1)
+
+
+def _brought_back(off: Array, samples: float) -> Array:
+    """Return how far the speed is off where friction brings it back, (windows, length).
+
+    `off` is how far it is without that: its steps are what drives it off.
+    """
+    steps = np.diff(off, axis=1, prepend=0.0)
+    stays = math.exp(-1.0 / samples) if samples > 0.0 else 0.0
+    return np.asarray(lfilter([(1.0 - stays) * samples], [1.0, -stays], steps, axis=1))

@@ -41,6 +41,10 @@ FAR_OFF = 2.0
 """Factor by which a model's inertia may be off what is known of it. Larger lets models pass in
 which something else carries the mass, smaller refutes true ones where the estimate is poor.
 Convention: twofold."""
+TELLS = 0.5
+"""Squared error of the command that a delay leaves, up to which it tells what is inertia. Larger
+trusts delays that stand for something else, smaller refutes true ones of axes that friction rules.
+Convention: half."""
 OF_INERTIA = "V*s^2/m"
 """Unit of the parameters that are inertia: a convention of the model."""
 TINY = 1e-300
@@ -154,7 +158,7 @@ def seen_inertia(base: Hypothesis) -> InertiaRange | None:
     Parameters
     ----------
     base
-        The declared model alone, or beside waves over position, as `beside_waves` returns it.
+        The declared model alone, or beside waves over position, as `beside_what_hides_it` returns it.
     """
     smooth = SmoothFunctions(base.regressors.signals)
     total = total_with(base.problem, smooth.columns_apart(NUISANCES))
@@ -210,14 +214,17 @@ def _hidden_inertia(
     return InertiaRange(0.0, most / scale, declared=False) if most > 0.0 else None
 
 
-def beside_waves(base: Hypothesis, model: Hypothesis) -> Hypothesis:
-    """Return the declared model with the forces of another that are waves over position.
+def beside_what_hides_it(base: Hypothesis, model: Hypothesis) -> Hypothesis:
+    """Return the declared model with what of another one would otherwise pass for its inertia.
 
-    They are functions of place, too, but finer than any that is smooth: what they do to the motion
-    would otherwise pass for its inertia.
+    Waves over position are functions of place, too, but finer than any that is smooth. And a
+    velocity that follows a force late, by whatever time, is one that inertia keeps: of an axis that
+    friction rules, a delay that explains its command tells which of the two it is.
     """
-    waves = [e for e in model.added if {"force_of_position", "wave_over_position"} <= e.groups]
-    return Hypothesis(base.regressors, (*base.added, *waves), base.acceleration)
+    kept = [e for e in model.added if {"force_of_position", "wave_over_position"} <= e.groups]
+    late = [e for e in model.added if e.kind == "command" and e.delay_s > 0.0]
+    kept += [e for e in late if model.held_out < TELLS * model.without(e.name).held_out]
+    return Hypothesis(base.regressors, (*base.added, *kept), base.acceleration)
 
 
 def inertia_of(model: Hypothesis) -> float:

@@ -13,7 +13,7 @@ from motorctl.identify.diagnose.search.refutation import beside_driving_friction
 from motorctl.identify.diagnose.search.search import Found, declared_alone
 from motorctl.identify.diagnose.search.whole_model import (
     OF_INERTIA,
-    beside_waves,
+    beside_what_hides_it,
     friction_power,
     inertia_of,
     seen_inertia,
@@ -27,7 +27,7 @@ few engineers to look, smaller sends some to look for nothing. Convention: five 
 
 def whole_model(found: Found, final: Hypothesis) -> WholeModel:
     """Return what physics says of the final model, with the parameters that are told of it."""
-    seen = seen_inertia(beside_waves(found.base, found.final))
+    seen = seen_inertia(beside_what_hides_it(found.base, found.final))
     data = final.regressors.signals.data
     return WholeModel(
         inertia=inertia_of(final),
