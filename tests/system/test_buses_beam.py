@@ -17,8 +17,9 @@ from motorctl_benchmarks.buses.beams import BEAM_BUSES, beam_device, beam_host
 
 pytestmark = [pytest.mark.slow, pytest.mark.wall_clock(lanes=3)]
 
-ONE = "serial poll"
-"""The bus on which a beam is tried each time; the others before a release."""
+FEW = ("serial poll", "can")
+"""Buses of which a beam is tried each time, the others before a release: of each kind one, a bus
+that is asked and one that tells by itself."""
 FAULT_S = 12.0
 """After the search began: the beam is homed and on its way."""
 SQUARE_COUNTS = 200
@@ -30,7 +31,7 @@ ASKEW_COUNTS = 600
 @pytest.mark.parametrize(
     "bus",
     [
-        pytest.param(bus, id=name, marks=() if name == ONE else pytest.mark.long)
+        pytest.param(bus, id=name, marks=() if name in FEW else pytest.mark.long)
         for name, bus in BEAM_BUSES.items()
     ],
 )

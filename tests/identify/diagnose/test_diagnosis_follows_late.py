@@ -58,7 +58,10 @@ def test_a_speed_that_is_followed_late_is_a_delay_and_no_inertia(
     (effect,) = found.effects
     assert effect.name == "input_delay"
     assert effect.effect.delay_s == pytest.approx(DELAY_S, abs=0.005)
-    after, before = found.error.simulated_position_after_rms, found.error.simulated_position_before_rms
+    after, before = (
+        found.error.simulated_position_after_rms,
+        found.error.simulated_position_before_rms,
+    )
     assert after is not None
     assert before is not None
     assert after < 0.5 * before

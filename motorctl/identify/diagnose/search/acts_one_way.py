@@ -40,7 +40,9 @@ class Strengths:
     def is_one_way(self) -> bool:
         """Whether it surely does far less in one of them."""
         weaker, stronger = sorted((self.forwards, self.backwards), key=abs)
-        weaker = math.copysign(weaker, weaker * stronger)  # against the stronger one, less than none
+        weaker = math.copysign(
+            weaker, weaker * stronger
+        )  # against the stronger one, less than none
         return weaker + SURELY * self.error < ONE_WAY * abs(stronger)
 
 
