@@ -158,7 +158,7 @@ def seen_inertia(base: Hypothesis) -> InertiaRange | None:
     Parameters
     ----------
     base
-        The declared model alone, or beside waves over position, as `beside_what_hides_it` returns it.
+        The declared model alone, or as `beside_what_hides_it` returns it.
     """
     smooth = SmoothFunctions(base.regressors.signals)
     total = total_with(base.problem, smooth.columns_apart(NUISANCES))
