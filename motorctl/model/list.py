@@ -74,6 +74,11 @@ class EffectList:
             start += len(effect.parameters)
         return None
 
+    def coefficient(self, theta: Array, signal: Signal) -> float:
+        """Return what multiplies a signal; 0 where nothing does, or nothing was fitted."""
+        place = self.index_of(signal)
+        return 0.0 if place is None or place >= len(theta) else float(theta[place])
+
     def __len__(self) -> int:
         return len(self.parameters)
 

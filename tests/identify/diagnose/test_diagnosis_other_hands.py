@@ -17,7 +17,7 @@ from motorctl.identify.diagnose.report.json_document import axis_document
 from motorctl.identify.diagnose.search.hypothesis import Hypothesis
 from motorctl.identify.diagnose.search.physics import beyond_physics
 from motorctl.identify.diagnose.search.search import whitened
-from motorctl.model import effect_class, make_effect
+from motorctl.model import EffectList, effect_class, make_effect
 from motorctl.model.sign_function import SHAPES as KNOWN_SHAPES
 
 SLOW = pytest.mark.slow
@@ -42,6 +42,15 @@ def test_friction_of_another_shape_than_declared_is_mended_and_nothing_is_added(
     assert mended["options"].get("sign_shape", "arctan") == shape
     assert found.theta[:3] == pytest.approx((0.25, 0.3, 0.2), rel=0.02)
     assert any("coulomb_friction has slope_s_m" in note for note in found.notes)
+
+
+@SLOW
+def test_declaring_what_was_named_leaves_nothing_to_name():
+    wave = make_effect(effect_class("cogging"), {"pitch_m": 0.06, "orders": (1, 2)})
+    plant = OtherPlant(shape="arctan", width_m_s=1.0 / 900.0, cogging=0.05)
+    found = diagnose_axis(plant.run(4, LASTS_S), EffectList((*C1.effects, wave)))
+    assert (found.verdict, found.effects) == ("complete", ())
+    assert len(found.declared_theta) == len(C1) + 4
 
 
 @SLOW

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from motorctl.identify.diagnose.result import AxisDiagnosis
-from motorctl.model import basic_effects
 
 AT_ONCE = 0.5
 """Time that the axis takes to follow, in samples, below which none is seen. Larger doubts light
@@ -27,17 +26,16 @@ def speed_told(axis: AxisDiagnosis) -> str | None:
     Inertia over viscous friction is the time in which an axis comes up to speed. Where it is below
     what the samples show, the command is the velocity in another unit.
     """
-    names = [effect.name for effect in axis.declared.effects]
-    basic = basic_effects()
-    theta = dict(zip(names, map(float, axis.declared_theta), strict=True))
-    if not {basic["acceleration"].name, basic["velocity"].name} <= set(names):
+    inertia, viscous, dry = (
+        axis.declared.coefficient(axis.declared_theta, signal)
+        for signal in ("acceleration", "velocity", "direction")
+    )
+    if axis.declared.index_of("acceleration") is None or not viscous > 0.0:
         return None
-    inertia, viscous = (theta[basic[signal].name] for signal in ("acceleration", "velocity"))
-    dry = abs(theta.get(basic["direction"].name, 0.0))
     period_s = axis.data.period_s
     follows = axis.error.held_out_before_rms < FOLLOWS * axis.error.command_rms
-    is_driven = dry > DRY * axis.error.command_rms
-    at_once = viscous > 0.0 and abs(inertia) < AT_ONCE * period_s * viscous
+    is_driven = abs(dry) > DRY * axis.error.command_rms
+    at_once = abs(inertia) < AT_ONCE * period_s * viscous
     if is_driven or not (follows and at_once):
         return None
     return (

@@ -79,11 +79,11 @@ class AxisSignals:
 
     def coefficient(self, signal: Signal) -> float:
         """Return what multiplies a signal in the whole model; 0 where nothing does."""
-        return _coefficient(self.diagnosis.model, self.diagnosis.theta, signal)
+        return self.diagnosis.model.coefficient(self.diagnosis.theta, signal)
 
     def declared_coefficient(self, signal: Signal) -> float:
         """Return the same of the declared model where it is fitted alone."""
-        return _coefficient(self.diagnosis.declared, self.diagnosis.declared_theta, signal)
+        return self.diagnosis.declared.coefficient(self.diagnosis.declared_theta, signal)
 
     @property
     def reference_acceleration(self) -> Array | None:
@@ -163,11 +163,6 @@ class AxisSignals:
             time=time,
             command=command,
         )
-
-
-def _coefficient(model: EffectList, theta: Array, signal: Signal) -> float:
-    place = model.index_of(signal)
-    return 0.0 if place is None or place >= len(theta) else float(theta[place])
 
 
 def column_sum(
