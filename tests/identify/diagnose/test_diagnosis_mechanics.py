@@ -62,7 +62,7 @@ def test_the_oscillation_of_a_load_is_in_the_position_that_its_model_predicts(si
     mode = own if side == "command" else own.on_rigid_acceleration((0.4,))[0]
     rigid = Hypothesis(Regressors(signals, C1, blocks, side)).refreshed()
     flexible = Hypothesis(Regressors(signals, C1, blocks, side), (mode,)).refreshed()
-    without, with_it = (simulated_position(each).usual for each in (rigid, flexible))
+    without, with_it = (simulated_position(each).by_window for each in (rigid, flexible))
     assert all(with_it[window] < 0.3 * without[window] for window in without)
 
 

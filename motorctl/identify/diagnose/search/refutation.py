@@ -226,6 +226,7 @@ def of_impossible_inertia(
             f"{effect.name} is refuted: with it the inertia would be "
             f"{inertia_of(final):.3g} {unit}, and {by.low:.3g} to {by.high:.3g} is {told}: "
             f"{off:.3g} times off, limit {FAR_OFF:g}; without it the two agree"
+            f"{_late_all_the_same(final, effect.name)}"
         )
     return None
 

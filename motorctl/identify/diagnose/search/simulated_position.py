@@ -1,11 +1,13 @@
 """The yardstick that no hypothesis can change: the recorded position, predicted by simulation.
 
 The modelled acceleration along the recorded command and motion is integrated twice, from the
-measured state at the beginning of each window. Where the simulated speed leaves the recorded one,
-viscous friction brings it back: of an axis that follows its command at once, as one behind a drive
-of its speed, nothing else tells where it goes. Over short windows the noise of that state rules,
+measured state at the beginning of each window. Over short windows the noise of that state rules,
 over long ones the drift of whatever small force is unknown; so several lengths are asked, and that
 one is told at which the declared model's error first stands clear of the noise.
+
+Friction is that of the recorded speed. But where a delay does in one model what inertia does in the
+other, friction at the simulated speed brings that back: of an axis that follows its command at
+once, as one behind a drive of its speed, nothing else tells where it goes.
 """
 
 from __future__ import annotations
@@ -13,6 +15,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -54,20 +57,39 @@ of the model. Larger tells of longer windows, smaller of the noise. Chosen by ha
 
 @dataclass(frozen=True)
 class Missed:
-    """What a model misses of position or velocity [rms], and how it moves."""
+    """What a model misses of position or velocity [rms], however it is asked."""
 
-    usual: ByWindow
-    """In windows of WINDOWS_S."""
-    long: ByWindow
-    """In windows of LONG_WINDOWS_S."""
-    inertia: float
-    """In units of the command; not above 0 where it is not seen."""
-    keeps_s: float
-    """How long friction lets it keep a speed: inertia over viscous friction."""
+    model: Hypothesis | None = None
+    """None: one that cannot be simulated."""
+    held: Rows | None = None
+    """Which rows are asked, (m,); all by default."""
+    of_velocity: bool = False
 
+    @cached_property
+    def by_window(self) -> ByWindow:
+        """In windows of WINDOWS_S, friction as at the recorded speed."""
+        return self._in(WINDOWS_S, math.inf)
 
-NOT_SIMULATED = Missed({}, {}, math.nan, math.inf)
-"""Of a model that cannot be."""
+    @cached_property
+    def brought_back(self) -> ByWindow:
+        """In longer windows as well, friction as at the simulated speed."""
+        return self._in((*WINDOWS_S, *LONG_WINDOWS_S), self.keeps_s)
+
+    @property
+    def inertia(self) -> float:
+        """In units of the command; not above 0 where it is not seen."""
+        return math.nan if self.model is None else inertia_of(self.model)
+
+    @cached_property
+    def keeps_s(self) -> float:
+        """How long friction lets the model keep a speed: inertia over viscous friction [s]."""
+        return math.inf if self.model is None else _keeps_s(self.model)
+
+    def _in(self, windows_s: Sequence[float], keeps_s: float) -> ByWindow:
+        if self.model is None:
+            return {}
+        signals, predicted = self.model.regressors.signals, self.model.predicted_acceleration()
+        return _motion_missed(predicted, signals, self.held, windows_s, keeps_s)[self.of_velocity]
 
 
 @dataclass(frozen=True)
@@ -119,13 +141,22 @@ def ratios_of(before: Missed, after: Missed) -> dict[float, float]:
 
 def _pairs(before: Missed, after: Missed) -> dict[float, tuple[float, float]]:
     """Return what two models miss in the windows that tell of both [s]."""
-    lighter = after.inertia * LIGHTER < before.inertia < math.inf
-    if not lighter or after.keeps_s > WINDOWS_S[-1] or before.keeps_s == math.inf:
-        return {w: (before.usual[w], after.usual[w]) for w in before.usual if w in after.usual}
-    first, second = ({**each.usual, **each.long} for each in (before, after))
+    if not _delays_instead(before, after):
+        first, second = before.by_window, after.by_window
+        return {w: (first[w], second[w]) for w in first if w in second}
+    first, second = before.brought_back, after.brought_back
     common = [w for w in first if w in second]
     asked = [w for w in common if w >= FORGOTTEN * before.keeps_s] or common[-1:]
     return {w: (first[w], second[w]) for w in asked}
+
+
+def _delays_instead(before: Missed, after: Missed) -> bool:
+    """Return whether a delay does in the second model what inertia does in the first."""
+    if before.model is None or after.model is None:
+        return False
+    later = after.model.path.delay_s > before.model.path.delay_s
+    lighter = later and after.inertia * LIGHTER < before.inertia < math.inf
+    return lighter and after.keeps_s < WINDOWS_S[-1] and before.keeps_s < math.inf
 
 
 def simulated_position(hypothesis: Hypothesis, held: Rows | None = None) -> Missed:
@@ -143,19 +174,12 @@ def simulated_position(hypothesis: Hypothesis, held: Rows | None = None) -> Miss
     Missed
         Without lengths of which no window is whole.
     """
-    return simulated_motion(hypothesis, held)[0]
+    return Missed(hypothesis, held)
 
 
 def simulated_motion(hypothesis: Hypothesis, held: Rows | None = None) -> tuple[Missed, Missed]:
     """Return what a model misses of the position and of the velocity, as `simulated_position`."""
-    predicted, signals = hypothesis.predicted_acceleration(), hypothesis.regressors.signals
-    inertia, keeps_s = inertia_of(hypothesis), _keeps_s(hypothesis)
-    usual, long = (
-        _motion_missed(predicted, signals, held, windows, keeps_s)
-        for windows in (WINDOWS_S, LONG_WINDOWS_S)
-    )
-    position, velocity = (Missed(*each, inertia, keeps_s) for each in zip(usual, long, strict=True))
-    return position, velocity
+    return Missed(hypothesis, held), Missed(hypothesis, held, of_velocity=True)
 
 
 def _keeps_s(model: Hypothesis) -> float:
@@ -187,7 +211,7 @@ def position_of_declared(
     Nothing where its inertia would be negative, as beside a weight that outweighs it, or far beyond
     what is `known`: such a model cannot be simulated, or does not move.
     """
-    return simulated_position(base, held) if can_move(base, known) else NOT_SIMULATED
+    return simulated_position(base, held) if can_move(base, known) else Missed()
 
 
 def missed_by(predicted: Sequence[Array], signals: Signals, held: Rows | None = None) -> ByWindow:
