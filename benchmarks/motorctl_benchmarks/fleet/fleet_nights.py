@@ -24,7 +24,6 @@ import pyarrow.dataset as ds
 from distributed import Client
 
 import motorctl
-from motorctl.errors import MotorctlError
 from motorctl.fleet.changes import Alarm, changes_in
 from motorctl.fleet.cluster import engine
 from motorctl.fleet.covariates import Covariates, read_covariates
@@ -33,6 +32,7 @@ from motorctl.fleet.run import diagnose_fleet
 from motorctl.fleet.series import Seen
 from motorctl.fleet.store import Store, open_store
 from motorctl.latency.progress import Progress
+from motorctl_benchmarks.diagnosis.answer import in_one_line
 from motorctl_benchmarks.fleet.fleet_logs import BEGAN, write_log
 from motorctl_benchmarks.fleet.fleet_machines import (
     KINDS,
@@ -301,6 +301,6 @@ def _name_what_is_lacking(fleet: Fleet, folder: Path, nights: Nights) -> None:
             axis = motorctl.diagnose(path).axes["x"]
             said = [effect.name for effect in axis.effects]
             nights.named[machine.name] = ", ".join(said) or axis.verdict
-        except MotorctlError as error:
-            nights.named[machine.name] = str(error)
+        except Exception as error:  # whatever it is, it is this machine's answer
+            nights.named[machine.name] = in_one_line(error)
     shutil.rmtree(again, ignore_errors=True)
