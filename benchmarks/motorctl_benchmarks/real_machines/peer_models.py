@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from motorctl.identify.columns.signals import Signals
 from motorctl.identify.columns.stretches import Stretch
-from motorctl.identify.diagnose.search.simulated_position import Missed, missed_by
+from motorctl.identify.diagnose.search.simulated_position import ByWindow, missed_by
 from motorctl_benchmarks.diagnosis.peers import MODULES, THRESHOLDS, bic, installed_peers
 
 Array = NDArray[np.float64]
@@ -120,7 +120,7 @@ def _sparse(train: Signals, test: Signals, window_s: float) -> float:
     return at(missed_by(predicted, test), window_s)
 
 
-def at(missed: Missed, window_s: float) -> float:
+def at(missed: ByWindow, window_s: float) -> float:
     """Return what is missed in the windows of the length nearest to one; NaN where none is."""
     if not missed:
         return math.nan

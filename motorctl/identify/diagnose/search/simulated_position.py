@@ -37,11 +37,12 @@ WINDOWS_S = (0.01, 0.03, 0.1)
 state, in longer ones drift rules. Chosen by hand."""
 LONG_WINDOWS_S = (0.3, 1.0, 3.0)
 """Lengths of windows for models that differ in whether inertia or a delay makes the motion late
-[s]. Chosen by hand: on from the others."""
+[s]. Larger ones fit into few recordings, smaller ones end while an axis with much inertia still
+goes on as it went. Chosen by hand: on from the others."""
 FORGOTTEN = 3.0
-"""Length of such windows, over the time for which the heavier model keeps its speed. In shorter
-ones it goes on as it was measured and the lighter one does not, which says nothing of either.
-Arithmetic: a twentieth is left of the speed at the beginning."""
+"""Length of such windows, over the time for which the heavier model keeps its speed. Larger leaves
+few windows; smaller counts for the heavier model that it goes on as it was measured, which the
+lighter one does not. Arithmetic: a twentieth is left of the speed at the beginning."""
 LIGHTER = 2.0
 """Factor in inertia from which that is so. Larger asks light models for what they cannot know,
 smaller lets drift decide. Convention: twofold, as inertia that is far off."""
