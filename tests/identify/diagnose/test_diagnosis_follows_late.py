@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from math import tanh
 
 import numpy as np
@@ -19,10 +20,9 @@ DELAY_S = 0.04
 VISCOUS = 20.0
 
 
-def followed(follows_s: float, dry: float) -> Measured:
+def followed(velocity: np.ndarray, follows_s: float, dry: float) -> Measured:
     """Return an axis whose drive takes the voltage for a speed, and takes it late."""
-    motion = sines(30.0, RATE_HZ, 0.1, (0.1, 3.0), seed=5)
-    command = VISCOUS * motion[:, 1] + dry * np.tanh(motion[:, 1] / 0.005)
+    command = VISCOUS * velocity + dry * np.tanh(velocity / 0.005)
     time_s = np.arange(len(command)) / RATE_HZ
     h = 1.0 / RATE_HZ / STEPS
     acting = np.interp(np.arange(len(command) * STEPS) * h - DELAY_S, time_s, command)
@@ -54,7 +54,8 @@ def followed(follows_s: float, dry: float) -> Measured:
 def test_a_speed_that_is_followed_late_is_a_delay_and_no_inertia(
     follows_s: float, dry: float
 ) -> None:
-    found = diagnose_axis(followed(follows_s, dry), controller_list(None, "C1"))
+    velocity = sines(30.0, RATE_HZ, 0.1, (0.1, 3.0), seed=5)[:, 1]
+    found = diagnose_axis(followed(velocity, follows_s, dry), controller_list(None, "C1"))
     (effect,) = found.effects
     assert effect.name == "input_delay"
     assert effect.effect.delay_s == pytest.approx(DELAY_S, abs=0.007)
@@ -65,3 +66,15 @@ def test_a_speed_that_is_followed_late_is_a_delay_and_no_inertia(
     assert after is not None
     assert before is not None
     assert after < 0.5 * before
+
+
+def test_a_delay_that_is_refuted_is_told_with_its_time_where_it_explains_the_command() -> None:
+    """To and fro at one speed, all that is late looks alike."""
+    velocity = 0.1 * np.sign(np.sin(2.0 * np.pi * np.arange(6000) / RATE_HZ / 1.6))
+    found = diagnose_axis(followed(velocity, 0.002, 0.0), controller_list(None, "C1"))
+    assert not found.effects
+    (note,) = [note for note in found.notes if note.startswith("input_delay is refuted")]
+    told = re.search(r"Yet the recorded command ([\d.]+) ms before explains (\d+) %", note)
+    assert told is not None
+    assert 20.0 < float(told[1]) < 45.0
+    assert float(told[2]) > 50.0
