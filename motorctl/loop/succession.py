@@ -133,11 +133,13 @@ class Succession:
         if refused < 0:
             return None
         name, law = list(before.machine.axes)[refused], before.laws[refused]
+        units = before.machine.axes[name].units
+        off = units.words(f"{1e3 * (law['y1'] - law['xd1']):.3g} mm")
         return (
-            f"axis {name}: it holds {1e6 * (law['y1'] - law['xd1']):.3g} um off its position with "
-            f"{law['u']:.3g} V; to go on from there the new model needs more than its "
-            f"gains.d_hat_max_v {after.law_settings[refused]['d_hat_max_v']:g} V, so the command "
-            f"would jump: `motorctl stop {name}` first, or give it more"
+            f"axis {name}: it holds with {law['u']:.3g} V, {off} off its position; to go on from "
+            "there the new model needs more than its gains.d_hat_max_v "
+            f"{after.law_settings[refused]['d_hat_max_v']:g} V, so the command would jump: "
+            f"`motorctl stop {name}` first, or give it more"
         )
 
 

@@ -34,6 +34,9 @@ STEPS = 10
 """Samples of a window, where the recording has more: one-step predictions of samples that are much
 closer than the motion is fast say nothing."""
 MOST_TERMS = 20
+NEAR = 0.4
+"""Logarithm of the ratio of two lengths of windows that count as one. Chosen by hand: less than a
+half decade."""
 DEGREE = 3
 """Of PySINDy's products."""
 PREDICTED_BAND = 1.5
@@ -121,10 +124,9 @@ def _sparse(train: Signals, test: Signals, window_s: float) -> float:
 
 
 def at(missed: ByWindow, window_s: float) -> float:
-    """Return what is missed in the windows of the length nearest to one; NaN where none is."""
-    if not missed:
-        return math.nan
-    return missed[min(missed, key=lambda length: abs(math.log(length / window_s)))]
+    """Return what is missed in the windows of the length nearest to one; NaN where none is near."""
+    near = min(missed, key=lambda length: abs(math.log(length / window_s)), default=math.inf)
+    return missed[near] if abs(math.log(near / window_s)) < NEAR else math.nan
 
 
 class _Scale:

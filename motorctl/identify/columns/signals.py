@@ -185,10 +185,12 @@ class Signals(Rows[Spectrum]):
         parts = (self._rows(each, kept, undo) for each, kept in zip(formed, self.kept, strict=True))
         return np.concatenate(list(parts), axis=1)
 
-    def filtered_apart(self, columns: Iterable[Array], formed_at: int = 1) -> Iterator[Array]:
-        """Yield filtered columns of one stretch after the other, (p, m_k), as by `filtered`."""
+    def filtered_apart(
+        self, columns: Iterable[Array], formed_at: int = 1, undo: CommandPath = AT_ONCE
+    ) -> Iterator[Array]:
+        """Yield filtered columns of one stretch after the other, (p, m_k), as by `rows_of`."""
         for part, kept in zip(columns, self.kept, strict=True):
-            yield self._rows(self.formed(part, formed_at), kept, AT_ONCE)
+            yield self._rows(self.formed(part, formed_at), kept, undo)
 
     def _rows(self, formed: Spectrum, kept: NDArray[np.bool_], undo: CommandPath) -> Array:
         spectrum, rows = formed

@@ -74,7 +74,7 @@ def test_a_delay_that_is_refuted_is_told_with_its_time_where_it_explains_the_com
     found = diagnose_axis(followed(velocity, 0.002, 0.0), controller_list(None, "C1"))
     assert not found.effects
     (note,) = [note for note in found.notes if note.startswith("input_delay is refuted")]
-    told = re.search(r"Yet the recorded command ([\d.]+) ms before explains (\d+) %", note)
+    told = re.search(r"Yet a command that acts ([\d.]+) ms late explains (\d+) %", note)
     assert told is not None
     assert 20.0 < float(told[1]) < 45.0
     assert float(told[2]) > 50.0

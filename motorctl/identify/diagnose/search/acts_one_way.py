@@ -23,6 +23,9 @@ ONE_WAY = 0.5
 none of the place. Larger refutes forces of a place beside a friction of the same place, smaller
 names pawls. Chosen by hand: twelve true effects on machines of other hands have 0.96 to 1, three
 pawls 0.01 to 0.35."""
+LEAST_WAY = 0.2
+"""Part of all the way that is made in the shorter direction, at least. Larger asks few recordings,
+smaller judges by swinging back at a stop. Chosen by hand."""
 SURELY = 5.0
 """Standard errors by which it must be less. Larger passes what few rows show, smaller refutes by
 chance. Chosen by hand: what is left over is no white noise."""
@@ -57,7 +60,8 @@ def acts_one_way(final: Hypothesis) -> tuple[Effect, str] | None:
                 f"{effect.name} is refuted: forwards it is {found.forwards:.2g} times as strong as "
                 f"in both directions together, backwards {found.backwards:.2g} times (limit: one "
                 f"{ONE_WAY:g} times the other), and what depends on the place alone is as strong "
-                "on the way back. Something acts in one direction only, as a pawl does"
+                "on the way back. Something acts in one direction only, as a pawl does, or there "
+                "is a friction of the same form"
             )
     return None
 
@@ -78,13 +82,16 @@ def strengths(final: Hypothesis, effect: Effect) -> Strengths | None:
     Returns
     -------
     Strengths | None
-        None where the axis moves in one direction alone.
+        None where the axis hardly moves in one of the directions.
     """
     rest = final
     for other in final.added:
         if other.groups & ({FORCE, FRICTION} if FORCE in effect.groups else {FRICTION}):
             rest = rest.without(other.name)
     signals = final.regressors.signals
+    v = signals.picked(lambda s: s.v)
+    if min(v[v > 0.0].sum(), -v[v < 0.0].sum()) < LEAST_WAY * np.abs(v).sum():
+        return None
     own = [i for i, name in enumerate(final.names) if name == effect.name]
     columns = []
     for s in signals.stretches:

@@ -168,9 +168,11 @@ def inertia_is_negative(hypothesis: Hypothesis) -> bool:
 def inertia_is_seen(hypothesis: Hypothesis) -> bool:
     """Return whether inertia asks for a part of the command that tells its sign."""
     rows = hypothesis.problem.joined(hypothesis.regressors.signals.rows)
-    left, right = (0, -1) if hypothesis.regressors.side == "command" else (-1, 0)
-    asked = abs(float(np.std(rows[left])) / float(hypothesis.b[0]))
-    return asked > SEEN * max(float(np.std(rows[right])), 1e-300)
+    first, last = float(np.std(rows[0])), float(np.std(rows[-1]))
+    gain = abs(float(hypothesis.solution.b[0]))
+    if hypothesis.regressors.side == "command":  # the acceleration is the first, the command last
+        return gain * first > SEEN * last
+    return last > SEEN * gain * first
 
 
 def is_physical(hypothesis: Hypothesis, beside: Compensation) -> bool:

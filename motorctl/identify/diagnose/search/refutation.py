@@ -27,6 +27,7 @@ from motorctl.identify.diagnose.search.search import Found, declared_alone, with
 from motorctl.identify.diagnose.search.simulated_position import (
     Missed,
     Rows,
+    delays_instead,
     judge_by_simulation,
     position_of_declared,
     ratios_of,
@@ -40,6 +41,7 @@ from motorctl.identify.diagnose.search.whole_model import (
     FAR_OFF,
     GIVES,
     OF_INERTIA,
+    TELLS,
     FrictionPower,
     InertiaRange,
     beside_what_hides_it,
@@ -48,6 +50,7 @@ from motorctl.identify.diagnose.search.whole_model import (
     inertia_of,
     inertia_off,
     known_inertias,
+    left_with,
 )
 from motorctl.model import Effect, Spans
 
@@ -58,9 +61,6 @@ CERTAIN = 1e-9
 """Size, relative to the travel, below which a simulation that is worse means nothing. Larger lets
 impossible models of fine motion pass, smaller refutes by rounding. Convention: far below any
 encoder, far above a double's rounding, 2e-16."""
-EXPLAINS_IT = 0.5
-"""Squared error that a refuted lag or delay leaves, up to which its time is told. Larger tells of
-times that only take a part, smaller hides why an axis is not understood. Convention: half."""
 NO_NEARER = 1.003
 """Simulated motion over that without an effect, beside all others, from which it is no nearer.
 Smaller refutes what leaves the motion as it is, as a resonance far above it does; larger lets
@@ -102,7 +102,7 @@ def without_refuted(found: Found, held_out: Rows | None = None) -> tuple[Found, 
         if refuted is None:
             break
         effect, why = refuted
-        notes.append(why)
+        notes.append(f"{why}{_late_all_the_same(final, effect)}")
         final = final.without(effect.name).refreshed()
     if final is found.final:
         return found, ()
@@ -152,7 +152,6 @@ def moves_no_nearer(
         f"{name} is refuted: with it the position and the velocity simulated on rows held out miss "
         f"the recorded ones by {found[name]:.4g} times as much as without it, over windows of all "
         f"lengths; a name must not raise that (limit {NO_NEARER:g})"
-        f"{_late_all_the_same(final, name)}"
     )
 
 
@@ -226,7 +225,6 @@ def of_impossible_inertia(
             f"{effect.name} is refuted: with it the inertia would be "
             f"{inertia_of(final):.3g} {unit}, and {by.low:.3g} to {by.high:.3g} is {told}: "
             f"{off:.3g} times off, limit {FAR_OFF:g}; without it the two agree"
-            f"{_late_all_the_same(final, effect.name)}"
         )
     return None
 
@@ -285,7 +283,9 @@ def _worse_when_simulated(
     suspects = [effect for effect in final.added if effect.kind != "measurement"]
     if not suspects:
         return None
-    simulated = judge_by_simulation(signals, yardstick, simulated_position(final, rows))
+    whole = simulated_position(final, rows)
+    instead = delays_instead(yardstick, whole)
+    simulated = judge_by_simulation(signals, yardstick, whole)
     rounding = CERTAIN * float(np.ptp(signals.stretches[0].x))
     if simulated is None or simulated.worse <= WORSE or simulated.after_rms < rounding:
         return None
@@ -294,7 +294,7 @@ def _worse_when_simulated(
 
     def left(effect: Effect) -> float:
         missed = simulated_position(rest[effect.name], rows)
-        again = judge_by_simulation(signals, yardstick, missed)
+        again = judge_by_simulation(signals, yardstick, missed, instead)
         return np.inf if again is None else again.worse
 
     # what takes least goes first: a side effect may spoil the motion of the right main one
@@ -306,19 +306,20 @@ def _worse_when_simulated(
         f"{effect.name} is refuted: with it the position simulated over {simulated.window_s:.3g} s "
         f"misses the recorded one by {simulated.after_rms:.3g} rms, with {name} by "
         f"{simulated.before_rms:.3g}; over windows of all lengths {simulated.ratio:.3g} times as "
-        f"much, limit {WORSE:g}{_late_all_the_same(final, effect.name)}"
+        f"much, limit {WORSE:g}"
     )
 
 
-def _late_all_the_same(final: Hypothesis, name: str) -> str:
-    """Return what to add where a lag or delay that moves the model worse explains the command."""
-    effect = next(each for each in final.added if each.name == name)
-    left = final.held_out / max(final.without(name).refreshed().held_out, 1e-300)
-    if effect.kind != "command" or left > EXPLAINS_IT:
+def _late_all_the_same(final: Hypothesis, effect: Effect) -> str:
+    """Return what to add where a lag or delay that is refuted explains the command."""
+    if effect.kind != "command" or (left := left_with(final, effect.name)) > TELLS:
         return ""
-    unseen = "" if inertia_is_seen(final) else ", beside which no inertia is seen,"
+    acts = f"acts {1e3 * effect.delay_s:.3g} ms late"
+    if effect.lag_s > 0.0:
+        acts = f"is smoothed over {1e3 * effect.lag_s:.3g} ms"
+    unseen = "" if inertia_is_seen(final) else " (no inertia is seen beside it)"
     return (
-        f". Yet the recorded command {1e3 * (effect.delay_s + effect.lag_s):.3g} ms before"
-        f"{unseen} explains {100.0 * (1.0 - left):.0f} % of the squared error: the position may be "
-        "recorded late, or the axis follow a command that is rather a speed"
+        f". Yet a command that {acts}{unseen} explains {100.0 * (1.0 - left):.0f} % of the squared "
+        "error: the position may be recorded late, or the axis follow a command that is rather a "
+        "speed"
     )

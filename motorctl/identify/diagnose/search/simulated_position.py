@@ -56,41 +56,55 @@ CLEAR_OF_NOISE = 5.0
 of the model. Larger tells of longer windows, smaller of the noise. Chosen by hand."""
 
 
-@dataclass(frozen=True)
-class Missed:
-    """What a model misses of position or velocity [rms], however it is asked."""
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """How a model moves on its own, beside the recorded motion."""
 
-    model: Hypothesis | None = None
-    """None: one that cannot be simulated."""
-    held: Rows | None = None
+    model: Hypothesis
+    held: Rows | None
     """Which rows are asked, (m,); all by default."""
-    of_velocity: bool = False
 
     @cached_property
-    def by_window(self) -> ByWindow:
-        """In windows of WINDOWS_S, friction as at the recorded speed."""
-        return self._in(WINDOWS_S, math.inf)
+    def along(self) -> tuple[ByWindow, ByWindow]:
+        """What is missed of position and velocity, friction as at the recorded speed."""
+        return self._missed(WINDOWS_S, math.inf)
 
     @cached_property
-    def brought_back(self) -> ByWindow:
-        """In longer windows as well, friction as at the simulated speed."""
-        return self._in((*WINDOWS_S, *LONG_WINDOWS_S), self.keeps_s)
-
-    @property
-    def inertia(self) -> float:
-        """In units of the command; not above 0 where it is not seen."""
-        return math.nan if self.model is None else inertia_of(self.model)
+    def brought_back(self) -> tuple[ByWindow, ByWindow]:
+        """The same, in longer windows as well, friction as at the simulated speed."""
+        return self._missed((*WINDOWS_S, *LONG_WINDOWS_S), self.keeps_s)
 
     @cached_property
     def keeps_s(self) -> float:
         """How long friction lets the model keep a speed: inertia over viscous friction [s]."""
-        return math.inf if self.model is None else _keeps_s(self.model)
+        return _keeps_s(self.model)
 
-    def _in(self, windows_s: Sequence[float], keeps_s: float) -> ByWindow:
-        if self.model is None:
-            return {}
-        signals, predicted = self.model.regressors.signals, self.model.predicted_acceleration()
-        return _motion_missed(predicted, signals, self.held, windows_s, keeps_s)[self.of_velocity]
+    @cached_property
+    def _predicted(self) -> list[Array]:
+        return self.model.predicted_acceleration()
+
+    def _missed(self, windows_s: Sequence[float], keeps_s: float) -> tuple[ByWindow, ByWindow]:
+        signals = self.model.regressors.signals
+        return _motion_missed(self._predicted, signals, self.held, windows_s, keeps_s)
+
+
+@dataclass(frozen=True, eq=False)
+class Missed:
+    """What a model misses of position or velocity [rms], by the length of the windows [s]."""
+
+    motion: Motion | None = None
+    """None: of a model that cannot be simulated."""
+    of_velocity: bool = False
+
+    @property
+    def by_window(self) -> ByWindow:
+        """In windows of WINDOWS_S, without those of which none is whole; friction as recorded."""
+        return {} if self.motion is None else self.motion.along[self.of_velocity]
+
+    @property
+    def brought_back(self) -> ByWindow:
+        """In longer windows as well, friction as at the simulated speed."""
+        return {} if self.motion is None else self.motion.brought_back[self.of_velocity]
 
 
 @dataclass(frozen=True)
@@ -109,7 +123,9 @@ class Simulated:
         return max(self.ratio, self.after_rms / max(self.before_rms, 1e-300))
 
 
-def judge_by_simulation(signals: Signals, before: Missed, after: Missed) -> Simulated | None:
+def judge_by_simulation(
+    signals: Signals, before: Missed, after: Missed, instead: bool | None = None
+) -> Simulated | None:
     """Compare two models by the position that they predict.
 
     Parameters
@@ -118,46 +134,53 @@ def judge_by_simulation(signals: Signals, before: Missed, after: Missed) -> Simu
         The rows of both.
     before, after
         What each misses (see `simulated_position`).
+    instead
+        Whether to ask as where a delay does in one what inertia does in the other; None: as
+        `delays_instead` says of the two.
 
     Returns
     -------
     Simulated or None
         None where no window is whole.
     """
-    pairs = _pairs(before, after)
+    pairs = _pairs(before, after, instead)
     if not pairs:
         return None
     noise = CLEAR_OF_NOISE * signals.position_noise_rms
     told = next((w for w, (missed, _) in pairs.items() if missed > noise), list(pairs)[-1])
-    return Simulated(told, *pairs[told], float(gmean(list(ratios_of(before, after).values()))))
+    return Simulated(told, *pairs[told], float(gmean(list(_ratios(pairs).values()))))
 
 
-def ratios_of(before: Missed, after: Missed) -> dict[float, float]:
-    """Return what one model misses over what another does, by the windows that both have [s]."""
-    return {
-        window: max(second, 1e-300) / max(first, 1e-300)
-        for window, (first, second) in _pairs(before, after).items()
-    }
+def ratios_of(before: Missed, after: Missed, instead: bool | None = None) -> dict[float, float]:
+    """Return what one model misses over what another does, by the windows that tell of both [s].
+
+    `instead` is that of `judge_by_simulation`.
+    """
+    return _ratios(_pairs(before, after, instead))
 
 
-def _pairs(before: Missed, after: Missed) -> dict[float, tuple[float, float]]:
+def _ratios(pairs: Mapping[float, tuple[float, float]]) -> dict[float, float]:
+    return {w: max(second, 1e-300) / max(first, 1e-300) for w, (first, second) in pairs.items()}
+
+
+def _pairs(before: Missed, after: Missed, instead: bool | None) -> dict[float, tuple[float, float]]:
     """Return what two models miss in the windows that tell of both [s]."""
-    if not _delays_instead(before, after):
+    if not (delays_instead(before, after) if instead is None else instead):
         first, second = before.by_window, after.by_window
         return {w: (first[w], second[w]) for w in first if w in second}
     first, second = before.brought_back, after.brought_back
-    common = [w for w in first if w in second]
-    asked = [w for w in common if w >= FORGOTTEN * before.keeps_s] or common[-1:]
-    return {w: (first[w], second[w]) for w in asked}
+    shortest = FORGOTTEN * max(m.motion.keeps_s for m in (before, after) if m.motion is not None)
+    return {w: (first[w], second[w]) for w in first if w in second and w >= shortest}
 
 
-def _delays_instead(before: Missed, after: Missed) -> bool:
+def delays_instead(before: Missed, after: Missed) -> bool:
     """Return whether a delay does in the second model what inertia does in the first."""
-    if before.model is None or after.model is None:
+    first, second = before.motion, after.motion
+    if first is None or second is None:
         return False
-    later = after.model.path.delay_s > before.model.path.delay_s
-    lighter = later and after.inertia * LIGHTER < before.inertia < math.inf
-    return lighter and after.keeps_s < WINDOWS_S[-1] and before.keeps_s < math.inf
+    later = second.model.path.delay_s > first.model.path.delay_s
+    lighter = later and inertia_of(second.model) * LIGHTER < inertia_of(first.model) < math.inf
+    return lighter and second.keeps_s < WINDOWS_S[-1] and first.keeps_s < math.inf
 
 
 def simulated_position(hypothesis: Hypothesis, held: Rows | None = None) -> Missed:
@@ -173,14 +196,15 @@ def simulated_position(hypothesis: Hypothesis, held: Rows | None = None) -> Miss
     Returns
     -------
     Missed
-        Without lengths of which no window is whole.
+        Simulated when it is first asked.
     """
-    return Missed(hypothesis, held)
+    return Missed(Motion(hypothesis, held))
 
 
 def simulated_motion(hypothesis: Hypothesis, held: Rows | None = None) -> tuple[Missed, Missed]:
     """Return what a model misses of the position and of the velocity, as `simulated_position`."""
-    return Missed(hypothesis, held), Missed(hypothesis, held, of_velocity=True)
+    motion = Motion(hypothesis, held)
+    return Missed(motion), Missed(motion, of_velocity=True)
 
 
 def _keeps_s(model: Hypothesis) -> float:

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from motorctl.identify.columns.command_timing import later
+from motorctl.identify.columns.command_timing import AT_ONCE, CommandPath, later
 from motorctl.identify.columns.kept_spectra import Spectra
 from motorctl.identify.columns.signals import Signals
 from motorctl.identify.columns.stretches import Stretch
@@ -73,14 +73,14 @@ class SmoothFunctions:
         """Return the filtered columns of a rival, (p, m)."""
         return self.signals.kept_rows(("smooth", name), lambda: self._formed(name))
 
-    def columns_apart(self, names: Sequence[str]) -> Iterator[Array]:
+    def columns_apart(self, names: Sequence[str], undo: CommandPath = AT_ONCE) -> Iterator[Array]:
         """Yield the columns of some rivals together, (p, m_k), one stretch after the other.
 
         Those of a long recording take gigabytes at once; none are kept.
         """
         stretches, d = self.signals.stretches, self.signals.decimation
         over = (np.vstack([self._of(name, s, d) for name in names]) for s in stretches)
-        return self.signals.filtered_apart(over, d)
+        return self.signals.filtered_apart(over, d, undo)
 
     def powers_of_position(self, count: int) -> Array:
         """Return the filtered powers 1 to count of the position, (count, m).

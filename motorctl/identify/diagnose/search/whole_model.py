@@ -42,9 +42,9 @@ FAR_OFF = 2.0
 which something else carries the mass, smaller refutes true ones where the estimate is poor.
 Convention: twofold."""
 TELLS = 0.5
-"""Squared error of the command that a delay leaves, up to which it tells what is inertia. Larger
-trusts delays that stand for something else, smaller refutes true ones of axes that friction rules.
-Convention: half."""
+"""Squared error that a delay leaves, of what is there without it, up to which it tells what is
+inertia, and its time is told. Larger trusts delays that stand for something else, smaller refutes
+true ones of axes that friction rules. Convention: half."""
 OF_INERTIA = "V*s^2/m"
 """Unit of the parameters that are inertia: a convention of the model."""
 TINY = 1e-300
@@ -161,7 +161,7 @@ def seen_inertia(base: Hypothesis) -> InertiaRange | None:
         The declared model alone, or as `beside_what_hides_it` returns it.
     """
     smooth = SmoothFunctions(base.regressors.signals)
-    total = total_with(base.problem, smooth.columns_apart(NUISANCES))
+    total = total_with(base.problem, smooth.columns_apart(NUISANCES, base.undone))
     lengths = np.sqrt(np.maximum(total.diagonal(), TINY))
     gram = total / np.outer(lengths, lengths)
     size = len(total) - 1
@@ -218,13 +218,18 @@ def beside_what_hides_it(base: Hypothesis, model: Hypothesis) -> Hypothesis:
     """Return the declared model with what of another one would otherwise pass for its inertia.
 
     Waves over position are functions of place, too, but finer than any that is smooth. And a
-    velocity that follows a force late, by whatever time, is one that inertia keeps: of an axis that
-    friction rules, a delay that explains its command tells which of the two it is.
+    velocity that follows its command late may be one that inertia keeps: a delay that explains much
+    of the command tells which of the two it is.
     """
     kept = [e for e in model.added if {"force_of_position", "wave_over_position"} <= e.groups]
     late = [e for e in model.added if e.kind == "command" and e.delay_s > 0.0]
-    kept += [e for e in late if model.held_out < TELLS * model.without(e.name).held_out]
+    kept += [e for e in late if left_with(model, e.name) < TELLS]
     return Hypothesis(base.regressors, (*base.added, *kept), base.acceleration)
+
+
+def left_with(model: Hypothesis, name: str) -> float:
+    """Return the squared error of held-out rows with an effect, over that without it."""
+    return model.held_out / max(model.without(name).refreshed().held_out, TINY)
 
 
 def inertia_of(model: Hypothesis) -> float:

@@ -106,7 +106,7 @@ def no_further_than_twin(found: Found, twin: Found) -> bool:
     that as structure, a simulation along the recorded command does not.
     """
     real, clean = simulated_position(found.final), simulated_position(twin.final)
-    ratios = list(ratios_of(clean, real).values())
+    ratios = list(ratios_of(clean, real, instead=False).values())
     return bool(ratios) and ratios[0] < NEXT_TO_TWIN and float(gmean(ratios)) < NEAR_TWIN
 
 
