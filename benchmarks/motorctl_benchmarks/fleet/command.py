@@ -36,7 +36,7 @@ def fleet(
 
     Each night their logs are given to `fleet diagnose` and `fleet changes`. Parts of its own:
     disturbances (workers and schedulers killed, a store that refuses: the findings have to be the
-    same) and scaling. --machines 50 --days 60 takes an hour or more on two quiet CPUs.
+    same) and scaling. --machines 50 --days 60 takes half an hour or more on two quiet CPUs.
     """
     from motorctl.extras import require
 
