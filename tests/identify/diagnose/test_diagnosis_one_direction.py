@@ -1,4 +1,4 @@
-"""What acts while an axis moves in one direction only is no force and no friction of the place."""
+"""What acts while an axis moves in one direction only is no force of magnets or teeth."""
 
 from __future__ import annotations
 

@@ -1,8 +1,8 @@
-"""Forces and frictions of a place that act in one direction of motion alone.
+"""Waves over the position that act in one direction of motion alone.
 
-What a place does to an axis, it does on the way there and on the way back: a force with its sign, a
-friction against the motion. A pawl on its teeth, a one-way clutch or a brush that bends does not,
-and half of it looks like a force of the place.
+What magnets and teeth do to an axis, they do on the way there and on the way back. A pawl on its
+teeth does not, and half of it looks like a wave of the place. Forces of a place that are no waves
+are not asked: on a real screw a friction of the same place makes them differ as much.
 """
 
 from __future__ import annotations
@@ -16,13 +16,12 @@ from motorctl.identify.diagnose.search.held_out_blocks import solve, with_column
 from motorctl.identify.diagnose.search.hypothesis import Hypothesis
 from motorctl.model import Effect
 
-FORCE, FRICTION = "force_of_position", "friction_of_position"
-"""Groups of what depends on the place."""
+WAVE_OF_PLACE = frozenset({"force_of_position", "wave_over_position"})
+"""Groups of what is asked."""
 ONE_WAY = 0.5
-"""Part of what an effect does in one direction that it does in the other one, below which it is
-none of the place. Larger refutes forces of a place beside a friction of the same place, smaller
-names pawls. Chosen by hand: twelve true effects on machines of other hands have 0.96 to 1, three
-pawls 0.01 to 0.35."""
+"""Part of what a wave does in one direction that it does in the other one, below which it is none
+of the place. Larger refutes waves beside a friction of the same place, smaller names pawls. Chosen
+by hand: three true waves on machines of other hands have 0.98 to 1, three pawls 0.01 to 0.35."""
 LEAST_WAY = 0.2
 """Part of all the way that is made in the shorter direction, at least. Larger asks few recordings,
 smaller judges by swinging back at a stop. Chosen by hand."""
@@ -43,16 +42,15 @@ class Strengths:
     def is_one_way(self) -> bool:
         """Whether it surely does far less in one of them."""
         weaker, stronger = sorted((self.forwards, self.backwards), key=abs)
-        weaker = math.copysign(
-            weaker, weaker * stronger
-        )  # against the stronger one, less than none
+        # against the stronger one it is less than none
+        weaker = math.copysign(weaker, weaker * stronger)
         return weaker + SURELY * self.error < ONE_WAY * abs(stronger)
 
 
 def acts_one_way(final: Hypothesis) -> tuple[Effect, str] | None:
-    """Return an effect of the place that acts in one direction alone, and what to say."""
+    """Return a wave over the position that acts in one direction alone, and what to say."""
     for effect in final.added:
-        if effect.kind != "state" or not effect.groups & {FORCE, FRICTION}:
+        if effect.kind != "state" or not effect.groups >= WAVE_OF_PLACE:
             continue
         found = strengths(final, effect)
         if found is not None and found.is_one_way:
@@ -60,8 +58,7 @@ def acts_one_way(final: Hypothesis) -> tuple[Effect, str] | None:
                 f"{effect.name} is refuted: forwards it is {found.forwards:.2g} times as strong as "
                 f"in both directions together, backwards {found.backwards:.2g} times (limit: one "
                 f"{ONE_WAY:g} times the other), and what depends on the place alone is as strong "
-                "on the way back. Something acts in one direction only, as a pawl does, or there "
-                "is a friction of the same form"
+                "on the way back. Something acts in one direction only, as a pawl does"
             )
     return None
 
@@ -69,25 +66,20 @@ def acts_one_way(final: Hypothesis) -> tuple[Effect, str] | None:
 def strengths(final: Hypothesis, effect: Effect) -> Strengths | None:
     """Fit an effect apart in each direction of motion, its form as it was found.
 
-    Without frictions of the place, which may have the other half of it, and for a force without
-    other forces of it.
+    Beside all others: a friction of the same place may make what it does differ by direction.
 
     Parameters
     ----------
     final
         A model that has the effect.
     effect
-        One of the place.
+        The wave.
 
     Returns
     -------
     Strengths | None
         None where the axis hardly moves in one of the directions.
     """
-    rest = final
-    for other in final.added:
-        if other.groups & ({FORCE, FRICTION} if FORCE in effect.groups else {FRICTION}):
-            rest = rest.without(other.name)
     signals = final.regressors.signals
     v = signals.picked(lambda s: s.v)
     if min(v[v > 0.0].sum(), -v[v < 0.0].sum()) < LEAST_WAY * np.abs(v).sum():
@@ -100,6 +92,7 @@ def strengths(final: Hypothesis, effect: Effect) -> Strengths | None:
     apart = signals.rows_of(signals.spectra(columns), final.undone)
     if not np.all(np.any(apart, axis=1)):
         return None
-    fit = solve(with_columns(rest.refreshed().problem, apart))
+    rest = final.without(effect.name).refreshed()
+    fit = solve(with_columns(rest.problem, apart))
     variance = fit.sse / signals.rows * fit.covariance.diagonal()[-2:]
     return Strengths(float(fit.b[-2]), float(fit.b[-1]), math.sqrt(float(variance.max())))
