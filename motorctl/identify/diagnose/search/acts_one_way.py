@@ -21,7 +21,7 @@ WAVE_OF_PLACE = frozenset({"force_of_position", "wave_over_position"})
 ONE_WAY = 0.5
 """Part of what a wave does in one direction that it does in the other one, below which it is none
 of the place. Larger refutes waves beside a friction of the same place, smaller names pawls. Chosen
-by hand: three true waves on machines of other hands have 0.98 to 1, three pawls 0.01 to 0.35."""
+by hand: three true waves on machines of other hands have 0.98 to 1, two pawls 0.01 and 0.02."""
 LEAST_WAY = 0.2
 """Part of all the way that is made in the shorter direction, at least. Larger asks few recordings,
 smaller judges by swinging back at a stop. Chosen by hand."""
