@@ -31,6 +31,8 @@ Group = Literal[
 - command_timing: the command acts later than it was given
 - coupling: the motion of other axes acts on this one
 """
+WAVE_OF_FORCE: frozenset[Group] = frozenset({"force_of_position", "wave_over_position"})
+"""Groups of a force that repeats over the travel, as magnets and teeth make it."""
 Family = Literal[
     "friction",
     "force_of_position",

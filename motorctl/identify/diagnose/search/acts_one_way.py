@@ -15,9 +15,8 @@ import numpy as np
 from motorctl.identify.diagnose.search.held_out_blocks import solve, with_columns
 from motorctl.identify.diagnose.search.hypothesis import Hypothesis
 from motorctl.model import Effect
+from motorctl.model.knowledge import WAVE_OF_FORCE
 
-WAVE_OF_PLACE = frozenset({"force_of_position", "wave_over_position"})
-"""Groups of what is asked."""
 ONE_WAY = 0.5
 """Part of what a wave does in one direction that it does in the other one, below which it is none
 of the place. Larger refutes waves beside a friction of the same place, smaller names pawls. Chosen
@@ -50,7 +49,7 @@ class Strengths:
 def acts_one_way(final: Hypothesis) -> tuple[Effect, str] | None:
     """Return a wave over the position that acts in one direction alone, and what to say."""
     for effect in final.added:
-        if effect.kind != "state" or not effect.groups >= WAVE_OF_PLACE:
+        if effect.kind != "state" or not effect.groups >= WAVE_OF_FORCE:
             continue
         found = strengths(final, effect)
         if found is not None and found.is_one_way:

@@ -21,6 +21,7 @@ from motorctl.identify.diagnose.search.forms import (
 from motorctl.identify.diagnose.search.hypothesis import Hypothesis
 from motorctl.identify.diagnose.search.option_ranges import ends_reached
 from motorctl.model import Effect, Spans
+from motorctl.model.knowledge import WAVE_OF_FORCE
 from motorctl.model.pitch import PitchOptions
 from motorctl.model.sign_function import Sign
 
@@ -67,7 +68,7 @@ def parted(hypothesis: Hypothesis, spans: Spans, sign: Sign | None) -> Parted | 
 
 def _too_long(effect: Effect, spans: Spans) -> bool:
     """Return whether an effect is a wave over position, of a pitch that is refuted at the end."""
-    waves = {"wave_over_position", "force_of_position"} <= effect.groups
+    waves = effect.groups >= WAVE_OF_FORCE
     return waves and any(reached.refutes for reached in ends_reached(effect, spans))
 
 

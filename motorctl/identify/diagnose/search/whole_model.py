@@ -19,6 +19,7 @@ from motorctl.identify.diagnose.search.held_out_blocks import RIDGE, SMOOTHING, 
 from motorctl.identify.diagnose.search.hypothesis import Hypothesis
 from motorctl.identify.diagnose.search.parameters import robust_covariance, values_of
 from motorctl.identify.diagnose.search.smooth_functions import SmoothFunctions
+from motorctl.model.knowledge import WAVE_OF_FORCE
 
 Array = NDArray[np.float64]
 
@@ -221,7 +222,7 @@ def beside_what_hides_it(base: Hypothesis, model: Hypothesis) -> Hypothesis:
     velocity that follows its command late may be one that inertia keeps: a delay that explains much
     of the command tells which of the two it is.
     """
-    kept = [e for e in model.added if {"force_of_position", "wave_over_position"} <= e.groups]
+    kept = [e for e in model.added if e.groups >= WAVE_OF_FORCE]
     late = [e for e in model.added if e.kind == "command" and e.delay_s > 0.0]
     kept += [e for e in late if left_with(model, e.name) < TELLS]
     return Hypothesis(base.regressors, (*base.added, *kept), base.acceleration)

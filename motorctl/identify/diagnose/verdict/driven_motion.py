@@ -27,6 +27,7 @@ from motorctl.identify.diagnose.search.smooth_functions import SmoothFunctions
 from motorctl.identify.diagnose.search.undetermined import without_undetermined
 from motorctl.identify.diagnose.verdict.position_faults import rounding_sse, steps_told
 from motorctl.model import EffectList, basic_effects
+from motorctl.model.knowledge import WAVE_OF_FORCE
 
 Array = NDArray[np.float64]
 
@@ -287,7 +288,7 @@ def waves_explain(signals: Signals) -> float:
     waves = (
         all_lines(motion, cls, spans_of(signals))
         for cls in motion.regressors.catalogue.values()
-        if {"wave_over_position", "force_of_position"} <= cls.groups
+        if cls.groups >= WAVE_OF_FORCE
     )
     return 1.0 - min(waves, default=whole) / whole
 
