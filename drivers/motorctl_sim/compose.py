@@ -242,6 +242,7 @@ def _other_masses(record: Any, plant: Plant, numbers: Sequence[int]) -> Term:
     if mode := plant.flexible_mode:
         inertia = mode.fraction * plant.inertia_v_s2_m
         _sprung(record["flexible"], inertia, mode.frequency_hz, mode.damping_ratio, 0.0)
+        record["flexible"]["friction"] = mode.friction_v
         terms |= Term.FLEXIBLE_MODE if inertia else Term(0)
     if loose := plant.backlash:
         inertia = loose.fraction * plant.inertia_v_s2_m

@@ -45,6 +45,8 @@ class OtherPlant:
     load_hz: float = 20.0
     """Of the load, with the motor held still."""
     load_damping: float = 0.05
+    load_coulomb: float = 0.0
+    """Dry friction of the load on a guide of its own."""
     resolution: float = 0.5e-6
     command_noise: float = 0.0
     peak_velocity: float = 0.8
@@ -63,7 +65,7 @@ class OtherPlant:
                     self.inertia, self.viscous, self.coulomb, self.width_m_s, self.cogging,
                     self.pitch_m, self.gravity, self.resolution, 2.0 * np.pi * self.bandwidth_hz,
                     self.loss, self.stop_m, self.stop_stiffness, self.stop_damping_s_m, self.load,
-                    2.0 * np.pi * self.load_hz, self.load_damping,
+                    2.0 * np.pi * self.load_hz, self.load_damping, self.load_coulomb,
                 ]
             ),
             SHAPES.index(self.shape),

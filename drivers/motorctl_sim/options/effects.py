@@ -190,7 +190,8 @@ class CrossAxis(MergedSettings):
 class FlexibleMode(MergedSettings):
     """A part of the moving mass that hangs on a spring; the encoder is on the other part.
 
-    theta1 a = ... + fraction theta1 s^2/(s^2 + 2 zeta omega s + omega^2) a.
+    theta1 a = ... + fraction theta1 s^2/(s^2 + 2 zeta omega s + omega^2) a, where the part has no
+    friction of its own.
     """
 
     frequency_hz: Positive = Field(le=1000)
@@ -199,6 +200,8 @@ class FlexibleMode(MergedSettings):
     """zeta: of the part that hangs on the spring."""
     fraction: Fraction
     """Share of theta1 that hangs on the spring."""
+    friction_v: NonNegative = 0.0
+    """Dry friction of the part on a guide of its own [V]."""
 
 
 class EncoderError(MergedSettings):

@@ -105,9 +105,9 @@ def _accelerate(plant: Any, states: Any, i: int, t: float, h: float) -> None:
         loose = sprung_force(plant.loose, state.loose, h)
     acceleration = (force + flexible + loose) / state.inertia
     if terms & FLEXIBLE_MODE:
-        advance_sprung(plant.flexible, state.flexible, flexible, acceleration, h)
+        advance_sprung(plant.flexible, state.flexible, flexible, acceleration, state.velocity, h)
     if terms & BACKLASH:
-        advance_sprung(plant.loose, state.loose, loose, acceleration, h)
+        advance_sprung(plant.loose, state.loose, loose, acceleration, state.velocity, h)
     state.next_acceleration = acceleration
 
 

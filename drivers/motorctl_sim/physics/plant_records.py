@@ -66,6 +66,7 @@ SPRUNG = np.dtype(
         ("stiffness", "f8"),  # 1/s^2, over the inertia
         ("damping", "f8"),  # 1/s, over the inertia
         ("half_gap", "f8"),  # m
+        ("friction", "f8"),  # V, of the part alone
     ],
     align=True,
 )

@@ -1,13 +1,15 @@
 """A part of the moving mass that is not fixed to the carriage: on a spring, or in a clearance.
 
 With r the part's offset from its place on the carriage, m its inertia and a the carriage's
-acceleration: m (r'' + a) = -f(r, r'), and f acts on the carriage. Without clearance
+acceleration: m (r'' + a) = -f(r, r'), and f acts on the carriage; the friction of a part on a guide
+of its own does not, and holds the part where it can. Without clearance and friction
 f = m (omega^2 r + 2 zeta omega r'), so the carriage feels -m a + m s^2/(s^2 + 2 zeta omega s +
 omega^2) a.
 """
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 from numpy.typing import NDArray
@@ -45,9 +47,21 @@ def sprung_force(part: Any, state: NDArray[Any], h: float) -> float:
 
 @inner_kernel
 def advance_sprung(
-    part: Any, state: NDArray[Any], force: float, acceleration: float, h: float
+    part: Any,
+    state: NDArray[Any],
+    force: float,
+    acceleration: float,
+    velocity: float,
+    h: float,
 ) -> None:
-    """Advance (r, r') by a substep, under the force that `sprung_force` gave."""
+    """Advance (r, r') by a substep, under the force that `sprung_force` gave.
+
+    Acceleration and velocity are the carriage's, the latter at the substep's beginning.
+    """
     rate = state[1] - h * (acceleration + force / part.inertia)
+    if part.friction > 0.0:
+        carriage = velocity + h * acceleration
+        slides, most = carriage + rate, h * part.friction / part.inertia
+        rate = -carriage if abs(slides) <= most else rate - math.copysign(most, slides)
     state[0] += 0.5 * h * (state[1] + rate)
     state[1] = rate

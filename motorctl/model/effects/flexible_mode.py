@@ -45,6 +45,19 @@ smaller takes time. Chosen by hand."""
 LONG_ENOUGH = 6.0
 """Periods of a slow resonance in the recording, at least. Larger misses slow swings, smaller takes
 the beginning of a motion for one. Chosen by hand."""
+BRAKED_GRID = (0.1, 12)
+"""Damping ratio of parts that are tried with friction of their own, and their frequencies a decade.
+More takes time, fewer start the refinement too far away. Chosen by hand: of `GRID`."""
+BRAKED = (0.15, 0.5)
+"""Decelerations by that friction that are tried, as parts of the top acceleration. More take time;
+with none, parts that stick for half of the time are missed. Chosen by hand."""
+FIRST_FRICTION = 0.1
+"""First step by which the part's own friction is refined, as a part of the top acceleration. Larger
+steps over small friction, smaller takes time. Chosen by hand."""
+MOST_FRICTION = 1.0
+"""Largest friction of the part that is tried, as a part of the top acceleration. Larger lets it
+stick for most of the time, where it is a spring to the ground and takes the inertia away; smaller
+misses guides that run dry. Chosen by hand."""
 HIGHEST_HZ = 1e6
 """Highest frequency that the option takes and that is tried [Hz]. Larger allows what no machine
 shows, smaller refuses small and stiff parts. Chosen by hand."""
@@ -61,13 +74,21 @@ class FlexibleOptions(EffectOptions):
         ge=1e-6, le=HIGHEST_HZ, description="of the part on its spring, carriage held still"
     )
     damping_ratio: float = Field(default=0.01, ge=0.0, le=0.99, description="of this oscillation")
+    friction_m_s2: float = Field(
+        default=0.0,
+        ge=0.0,
+        allow_inf_nan=False,
+        description="d: deceleration by which the part's own dry friction brakes it",
+    )
 
 
 class FlexibleMode(Effect):
     """-m s^2/(s^2 + 2 zeta omega s + omega^2) a, with m the part on the spring.
 
     Inertia counts the part as if it were fixed; this column is what the spring adds. With the
-    part's offset r: r'' + 2 zeta omega r' + omega^2 r = a, so that the column is -r''.
+    part's offset r: r'' + 2 zeta omega r' + omega^2 r = a, so that the column is -r''. A part that
+    slides on a guide of its own is braked by d besides, and may stick; the column is then the
+    spring's push less a, and Coulomb friction counts the carriage's alone.
     """
 
     name = "flexible_mode"
@@ -83,7 +104,9 @@ class FlexibleMode(Effect):
     )
     groups = frozenset({"line_over_time", "resonance"})
     scan_shows_part = True
-    refuted_at_end = MappingProxyType({"damping_ratio": "either", "frequency_hz": "either"})
+    refuted_at_end = MappingProxyType(
+        {"damping_ratio": "either", "frequency_hz": "either", "friction_m_s2": "neither"}
+    )
     revealed_by = ("fast_reversals",)
     Options = FlexibleOptions
     options: FlexibleOptions
@@ -95,10 +118,10 @@ class FlexibleMode(Effect):
 
     @property
     def constants(self) -> tuple[float, ...]:
-        """Omega, decay rate zeta omega, damped frequency [rad/s], and the latter's reciprocal."""
+        """Omega, zeta omega, damped frequency [rad/s], its reciprocal, and friction [m/s^2]."""
         omega, zeta = 2.0 * math.pi * self.options.frequency_hz, self.options.damping_ratio
         damped = omega * math.sqrt(1.0 - zeta * zeta)
-        return omega, zeta * omega, damped, 1.0 / damped
+        return omega, zeta * omega, damped, 1.0 / damped, self.options.friction_m_s2
 
     @property
     def lines(self) -> tuple[float, ...]:
@@ -117,7 +140,7 @@ class FlexibleMode(Effect):
 
     def over_acceleration(self, w: Array) -> NDArray[np.complex128]:
         """Return -s^2/(s^2 + 2 zeta omega s + omega^2) at s = j w."""
-        omega, decay, _, _ = self.constants
+        omega, decay, _, _, _ = self.constants
         behind: NDArray[np.complex128] = omega * omega - w * w + 2j * decay * w
         result: NDArray[np.complex128] = (w * w).astype(np.complex128) / behind
         return result
@@ -146,11 +169,12 @@ class FlexibleMode(Effect):
         return self.with_options(
             frequency_hz=self.options.frequency_hz * by,
             damping_ratio=min(self.options.damping_ratio * by, 0.99),
+            friction_m_s2=self.options.friction_m_s2 / (by * by),
         )
 
     @classmethod
     def trials(cls, spans: Spans) -> Sequence[Effect]:
-        """Return frequencies up to the band's, broad resonances first."""
+        """Return frequencies up to the band's, broad resonances first, then those with friction."""
         if not (spans.period_s > 0.0 and spans.duration_s > 0.0):
             return ()
         high = min(1.2 * spans.band_hz, 0.45 / spans.period_s, HIGHEST_HZ)
@@ -159,11 +183,24 @@ class FlexibleMode(Effect):
             slowest = SHARP_FROM_HZ if zeta < SHARP else SLOWEST_HZ
             return max(min(slowest, spans.band_hz / 10.0), 4.0 / spans.duration_s, 1e-6)
 
-        return [
+        free = [
             cls(FlexibleOptions(frequency_hz=frequency, damping_ratio=zeta))
             for zeta, per_decade in GRID
             for frequency in log_grid(low(zeta), high, per_decade)
         ]
+        zeta, per_decade = BRAKED_GRID
+        braked = [
+            cls(
+                FlexibleOptions(
+                    frequency_hz=frequency,
+                    damping_ratio=zeta,
+                    friction_m_s2=part * spans.acceleration_m_s2,
+                )
+            )
+            for part in BRAKED
+            for frequency in log_grid(low(zeta), high, per_decade)
+        ]
+        return free + braked if spans.acceleration_m_s2 > 0.0 else free
 
     @classmethod
     def ringing_at(cls, line_hz: float, spans: Spans) -> Sequence[Effect]:
@@ -182,29 +219,34 @@ class FlexibleMode(Effect):
         return forms
 
     def ranges(self, spans: Spans) -> Mapping[str, tuple[float, float]]:
-        """Return the ranges of a slow resonance, which stays about its line; none of another."""
+        """Return the range of friction, and those of a slow resonance, which stays at its line."""
+        braked = {"friction_m_s2": (0.0, MOST_FRICTION * spans.acceleration_m_s2)}
         frequency = self.options.frequency_hz
         if frequency >= SLOWEST_HZ or self.options.damping_ratio > SLOW_BROADEST:
-            return {}
+            return braked
         down, _ = SLOW_AROUND
-        return {
+        return braked | {
             "frequency_hz": (down * frequency, frequency / down),
             "damping_ratio": (-SLOW_BROADEST, SLOW_BROADEST),  # a pendulum may have next to none
         }
 
     def steps(self, spans: Spans) -> Mapping[str, float]:
-        """Refine frequency and damping."""
+        """Refine frequency and damping, and friction where there is motion and no mere response."""
         zeta = self.options.damping_ratio
         per_decade = next((n for width, n in GRID if zeta >= width), GRID[-1][1])
         frequency = log_step(self.options.frequency_hz, per_decade)
-        return {"frequency_hz": frequency, "damping_ratio": max(0.5 * zeta, 1e-3)}
+        steps = {"frequency_hz": frequency, "damping_ratio": max(0.5 * zeta, 1e-3)}
+        if spans.acceleration_m_s2 > 0.0:
+            first = FIRST_FRICTION * spans.acceleration_m_s2
+            steps["friction_m_s2"] = max(0.5 * self.options.friction_m_s2, first)
+        return steps
 
 
 @njit(inline="always")
 def column(
     j: int, x: float, v: float, a: float, vs: float, t: float, w: Array, c: tuple[float, ...]
 ) -> float:
-    """Return -r'' [m/s^2]; w is (r, r', last acceleration)."""
+    """Return the spring's push less a [m/s^2]; w is (r, r', last acceleration)."""
     return float(2.0 * c[1] * w[1] + c[0] * c[0] * w[0] - a)
 
 
@@ -214,7 +256,8 @@ def advance(
 ) -> None:
     """Advance the oscillation exactly, with the acceleration going straight from last to this.
 
-    Exact for any step, so stable at any sample rate (first-order hold).
+    Exact for any step, so stable at any sample rate (first-order hold). Friction then takes of the
+    part's velocity what it can in the step, all of it where the part sticks.
     """
     omega, decay, damped = c[0], c[1], c[2]
     if dt > 0.0:
@@ -226,4 +269,9 @@ def advance(
         cosine, sine = shrunk * math.cos(damped * dt), shrunk * math.sin(damped * dt) * c[3]
         w[0] = r * cosine + (dr + decay * r) * sine + start + rate * dt
         w[1] = dr * cosine - (omega * omega * r + decay * dr) * sine + rate
+        if c[4] > 0.0:
+            part = v - w[1]
+            braked = math.copysign(min(abs(part), c[4] * dt), part)
+            w[0] += 0.5 * dt * braked
+            w[1] += braked
     w[2] = a

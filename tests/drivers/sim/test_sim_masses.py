@@ -75,6 +75,20 @@ def test_a_flexible_mode_is_rigid_to_slow_forces():
     assert motion.velocity_m_s[-1, 0] == pytest.approx(1.0 / THETA1, rel=1e-2)
 
 
+def test_a_part_that_its_friction_holds_keeps_the_carriage_on_its_spring():
+    mode = {"frequency_hz": FREQUENCY_HZ, "damping_ratio": 0.5, "fraction": FRACTION}
+    motion = Bench(bare(flexible_mode=mode | {"friction_v": 2.0})).run(1.0, 5000)
+    stiffness = FRACTION * THETA1 * (2 * math.pi * FREQUENCY_HZ) ** 2
+    assert motion.position_m[-1, 0] == pytest.approx(1.0 / stiffness, rel=1e-3)
+    assert motion.velocity_m_s[-1, 0] == pytest.approx(0.0, abs=1e-6)
+
+
+def test_a_part_that_slides_takes_its_friction_of_the_thrust():
+    mode = {"frequency_hz": FREQUENCY_HZ, "damping_ratio": 0.5, "fraction": FRACTION}
+    motion = Bench(bare(flexible_mode=mode | {"friction_v": 0.4})).run(1.0, 5000)
+    assert motion.acceleration_m_s2[-1, 0] == pytest.approx((1.0 - 0.4) / THETA1, rel=1e-3)
+
+
 def test_backlash_lets_the_carriage_go_alone_until_the_gap_is_used_up():
     gap, fraction = 50e-6, 0.3
     motion = Bench(bare(backlash={"gap_m": gap, "fraction": fraction})).run(0.5, 400)

@@ -51,6 +51,26 @@ def test_a_slow_or_a_well_damped_load_is_named(load_hz, damping):
     assert mode.damping_ratio == pytest.approx(damping, rel=0.2)
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize(("load_hz", "damping", "coulomb"), [(9.0, 0.08, 0.25), (20.0, 0.04, 0.6)])
+def test_a_load_with_friction_of_its_own_is_named_and_its_friction_measured(
+    load_hz, damping, coulomb
+):
+    plant = OtherPlant(
+        load=0.4, load_hz=load_hz, load_damping=damping, load_coulomb=coulomb, bandwidth_hz=3.0,
+        shape="arctan", width_m_s=1.0 / 900.0,
+    )  # fmt: skip
+    found = named(plant)
+    assert [effect.name for effect in found.effects] == ["flexible_mode"], found.sentence
+    mode = found.effects[0]
+    assert mode.effect.options.frequency_hz == pytest.approx(load_hz, rel=0.03)
+    assert mode.effect.options.damping_ratio == pytest.approx(damping, rel=0.2)
+    # per mass of the load, which is two fifths of the inertia
+    braked = coulomb / (0.4 * plant.inertia)
+    assert mode.effect.options.friction_m_s2 == pytest.approx(braked, rel=0.1)
+    assert mode.theta[0] == pytest.approx(0.4 * plant.inertia, rel=0.05)
+
+
 @pytest.mark.parametrize("side", ["acceleration", "command"])
 def test_the_oscillation_of_a_load_is_in_the_position_that_its_model_predicts(side):
     plant = OtherPlant(
@@ -66,13 +86,17 @@ def test_the_oscillation_of_a_load_is_in_the_position_that_its_model_predicts(si
     assert all(with_it[window] < 0.3 * without[window] for window in without)
 
 
-@given(st.floats(1.0, 200.0), st.floats(0.0, 0.3), st.floats(-0.5, 0.8))
-def test_a_mode_on_the_rigid_acceleration_is_the_mode_itself_once_more(hz, damping, share):
+@given(st.floats(1.0, 200.0), st.floats(0.0, 0.3), st.floats(0.0, 9.0), st.floats(-0.5, 0.8))
+def test_a_mode_on_the_rigid_acceleration_is_the_mode_itself_once_more(
+    hz, damping, friction, share
+):
     mode = make_effect(
-        effect_class("flexible_mode"), {"frequency_hz": hz, "damping_ratio": damping}
+        effect_class("flexible_mode"),
+        {"frequency_hz": hz, "damping_ratio": damping, "friction_m_s2": friction},
     )
     back, theta = mode.on_rigid_acceleration((share,))
     again, shares = back.on_own_acceleration(theta)
     assert shares[0] == pytest.approx(share, abs=1e-9)
     assert again.options.frequency_hz == pytest.approx(hz)
     assert again.options.damping_ratio == pytest.approx(damping, abs=1e-9)
+    assert again.options.friction_m_s2 == pytest.approx(friction, abs=1e-9)

@@ -100,6 +100,18 @@ def test_a_load_on_a_spring_tells_the_acceleration_better(damping_ratio, command
     assert worse_in_other_direction(model(sprung, mode(15.0, damping_ratio))) is None
 
 
+@pytest.mark.parametrize(("damping_ratio", "shaken"), [(0.05, 0.3), (0.01, 1.0), (0.05, 2.0)])
+def test_a_spring_of_a_machine_that_is_shaken_filters_no_noise_of_its_fine_encoder(
+    damping_ratio, shaken
+):
+    plant = OtherPlant(
+        load=0.4, load_hz=15.0, load_damping=damping_ratio, bandwidth_hz=15.0,
+        command_noise=shaken,
+    )  # fmt: skip
+    sprung = plant.run(seed=5, duration_s=8.0)
+    assert worse_in_other_direction(model(sprung, mode(15.0, damping_ratio))) is None
+
+
 @pytest.mark.slow
 def test_a_leg_that_swings_is_a_weight_and_nothing_else():
     found = diagnose_axis(leg(), C1)

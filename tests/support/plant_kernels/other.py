@@ -22,7 +22,7 @@ def run_axis(
     reference: np.ndarray, dt: float, p: np.ndarray, shape: int, noise: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     inertia, viscous, coulomb, width, cogging, pitch, gravity, resolution, w = p[:9]
-    loss, stop, stiffness, stop_damping, load, load_w, load_zeta = p[9:]
+    loss, stop, stiffness, stop_damping, load, load_w, load_zeta, load_coulomb = p[9:]
     stretch, stretching = 0.0, 0.0  # of the spring to the load
     n, fine = len(reference), 4
     h = dt / fine
@@ -51,6 +51,8 @@ def run_axis(
             pull = load_w * load_w * stretch + 2.0 * load_zeta * load_w * stretching
             a = (force - load * inertia * pull) / ((1.0 - load) * inertia)
             stretching += h * (a - pull)
+            slides, most = v + h * a - stretching, h * load_coulomb / max(load * inertia, 1e-12)
+            stretching += min(most, max(-most, slides))
             stretch += h * stretching
             v += h * a
             x += h * v
