@@ -45,7 +45,17 @@ BANDS = 2.0
 """The same in bands of the recording, at most: a quicker contact is a blow between two samples.
 Larger is missed by the samples, smaller is slower than most contacts. Chosen by hand."""
 CONTACT_DAMPING = 0.8
-"""Its damping ratio. Larger sticks at once, smaller bounces for long; metal on grease lies between.
+"""Its damping ratio from which the search starts. Larger sticks at once, smaller bounces for long;
+metal on grease lies between. Chosen by hand."""
+SOFTEST, HARDEST = 0.25, 4.0
+"""Contacts that are sought, as parts of the frequency from which the search starts. Wider takes
+time, narrower misses belts and blows. Chosen by hand."""
+SLIPPERIEST, STICKIEST = 0.02, 1.2
+"""Damping ratios of contacts that are sought. Wider takes time, narrower misses what bounces for
+long. Chosen by hand: rubber on steel has 0.05, and beyond 1 nothing bounces."""
+MOST_GLIDE, MOST_SLOWING = 0.75, 1.0
+"""Most deceleration of a gliding load that is sought, by dry friction and at top speed by viscous
+friction, as parts of the top acceleration. Larger stops at once, smaller misses loads that rub.
 Chosen by hand."""
 STEPS_A_TURN = 25.0
 """Steps of the integration in a turn of that oscillation. Fewer damp it by rounding, more take
@@ -70,6 +80,9 @@ class BacklashOptions(EffectOptions):
     )
     contact_hz: float = Field(
         default=CONTACT_HZ, ge=1.0, le=1e4, description="of the load on the flank's stiffness"
+    )
+    contact_damping: float = Field(
+        default=CONTACT_DAMPING, ge=0.0, le=5.0, description="damping ratio of that oscillation"
     )
 
 
@@ -98,7 +111,15 @@ class Backlash(Effect):
     valleys_along = "gap_m"  # a wrong one, too, is crossed in time now and then
     leaves_bursts = True
     # a load without friction glides for ever, one with much stops at once
-    refuted_at_end = MappingProxyType({"gap_m": "either", "glide_m_s2": "neither"})
+    refuted_at_end = MappingProxyType(
+        {
+            "gap_m": "either",
+            "glide_m_s2": "neither",
+            "slows_1_s": "neither",
+            "contact_hz": "neither",
+            "contact_damping": "neither",
+        }
+    )
     revealed_by = ("fast_reversals", "slow_reversals")
     Options = BacklashOptions
     options: BacklashOptions
@@ -116,7 +137,7 @@ class Backlash(Effect):
             0.5 * self.options.gap_m,
             self.options.glide_m_s2,
             omega * omega,
-            2.0 * CONTACT_DAMPING * omega,
+            2.0 * self.options.contact_damping * omega,
             STEPS_A_TURN * self.options.contact_hz,
             self.options.slows_1_s,
         )
@@ -157,6 +178,16 @@ class Backlash(Effect):
             for slowing in SLOWING
         ]
 
+    def ranges(self, spans: Spans) -> Mapping[str, tuple[float, float]]:
+        """Return the ranges of all that the gap's width does not tell."""
+        contact_hz = max(min(CONTACT_HZ, BANDS * spans.band_hz), 1.0)
+        return {
+            "glide_m_s2": (0.0, MOST_GLIDE * spans.acceleration_m_s2),
+            "slows_1_s": (0.0, MOST_SLOWING * _acceleration_over_speed(spans)),
+            "contact_hz": (SOFTEST * contact_hz, HARDEST * contact_hz),
+            "contact_damping": (SLIPPERIEST, STICKIEST),
+        }
+
     def steps(self, spans: Spans) -> Mapping[str, float]:
         """Refine gap, glide, slowing and contact."""
         return {
@@ -164,6 +195,7 @@ class Backlash(Effect):
             "glide_m_s2": max(0.5 * self.options.glide_m_s2, 1e-3 * spans.acceleration_m_s2),
             "slows_1_s": max(0.5 * self.options.slows_1_s, 0.05 * _acceleration_over_speed(spans)),
             "contact_hz": 0.3 * self.options.contact_hz,
+            "contact_damping": 0.3 * self.options.contact_damping,
         }
 
 

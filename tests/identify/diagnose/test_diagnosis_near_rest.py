@@ -19,8 +19,9 @@ from motorctl.identify.columns.spans import spans_of
 from motorctl.identify.columns.stretches import Stretch
 from motorctl.identify.diagnose.recording import diagnose_axis
 from motorctl.identify.diagnose.search.declared_shape import reshaped
-from motorctl.identify.diagnose.search.forms import is_corner, measure
+from motorctl.identify.diagnose.search.forms import is_corner
 from motorctl.identify.diagnose.search.hypothesis import Hypothesis
+from motorctl.identify.diagnose.search.measured_forms import measure
 from motorctl.identify.diagnose.search.search import whitened
 from motorctl.model import effect_class, make_effect
 from motorctl.model.sign_function import sign_of

@@ -8,8 +8,9 @@ from fit_plant import C1
 from motorctl.identify.columns.measured import Measured
 from motorctl.identify.columns.signals import make_signals
 from motorctl.identify.columns.spans import spans_of
-from motorctl.identify.diagnose.search.forms import best_form, by_simplex, refined
+from motorctl.identify.diagnose.search.forms import best_form, refined
 from motorctl.identify.diagnose.search.hypothesis import Hypothesis
+from motorctl.identify.diagnose.search.measured_forms import by_simplex
 from motorctl.identify.diagnose.search.search import whitened
 from motorctl.model import effect_class, make_effect
 from motorctl.model.columns import state_columns

@@ -16,9 +16,9 @@ from motorctl.errors import DataError
 from motorctl.identify.columns.signals import make_signals
 from motorctl.identify.columns.spans import spans_of
 from motorctl.identify.diagnose.recording import diagnose_axis
-from motorctl.identify.diagnose.search.forms import Form
 from motorctl.identify.diagnose.search.held_out_blocks import make_blocks
 from motorctl.identify.diagnose.search.hypothesis import Hypothesis, Regressors
+from motorctl.identify.diagnose.search.measured_forms import Form
 from motorctl.identify.diagnose.search.parameters import theta_of, values_of
 from motorctl.identify.diagnose.search.simpler import simplest_first
 from motorctl.identify.diagnose.verdict.recording_mistakes import check_explains

@@ -7,9 +7,10 @@ from collections.abc import Iterable
 import numpy as np
 
 from motorctl.identify.columns.left_side import Side
-from motorctl.identify.diagnose.search.forms import Form, is_corner
+from motorctl.identify.diagnose.search.forms import is_corner
 from motorctl.identify.diagnose.search.held_out_blocks import residual
 from motorctl.identify.diagnose.search.hypothesis import Hypothesis, Regressors
+from motorctl.identify.diagnose.search.measured_forms import Form
 from motorctl.identify.diagnose.search.option_ranges import at_bound
 from motorctl.identify.diagnose.search.whitening import spectrum
 from motorctl.model import Effect, Spans

@@ -8,16 +8,16 @@ lines of a spectrum instead of a scan.
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import ValidationError
-from scipy.optimize import minimize, minimize_scalar
 
-from motorctl.identify.diagnose.search.held_out_blocks import held_out_sse, residual, solve
+from motorctl.identify.diagnose.search.evolution import evolved
+from motorctl.identify.diagnose.search.held_out_blocks import residual
 from motorctl.identify.diagnose.search.hypothesis import Hypothesis
-from motorctl.identify.diagnose.search.option_ranges import LONGEST_PITCH, option_bounds
+from motorctl.identify.diagnose.search.measured_forms import Form, by_simplex, measure
+from motorctl.identify.diagnose.search.option_ranges import LONGEST_PITCH
 from motorctl.identify.diagnose.search.spectral_lines import (
     position_spectrum,
     strongest,
@@ -62,36 +62,12 @@ orders or knots out, smaller adds ones that fit noise. Chosen by hand."""
 RICHER_STEPS = 4
 """Times that a form is made richer, at most. Larger takes time, smaller leaves forms coarse. Chosen
 by hand."""
+BESIDE = 14
+"""Forms of a scan with many valleys from which others evolve, beside the best. More leave less to
+chance, fewer keep more of what the scan showed. Chosen by hand: half of what evolves."""
 NEAR = 3.0
 """A form is refined where its gain is at least the best one's over this. Larger takes time, smaller
 misses forms with a coarse scan. Chosen by hand."""
-SIMPLEX_STEPS = 30
-"""Steps of the simplex search (Nelder and Mead) over a form's options. More takes time, fewer
-leaves options short of their best. Chosen by hand."""
-MOST_VALLEYS = 3
-"""Further valleys of a scan that are refined, the deepest first. More takes time, fewer misses the
-right one. Chosen by hand: gaps of machines of other hands lay in the first four."""
-MOST_RESTARTS = 4
-"""Times that the simplex search is begun anew within the deepest valley. More takes time, fewer
-stops short of the bottom. Chosen by hand: the fourth has still found half of what was left."""
-RESTART_PAYS = 0.01
-"""Part of the squared residual that such a search must take for another. Larger stops short,
-smaller takes time. Chosen by hand."""
-LINE_STEPS = 12
-"""Steps of the line search (Brent) over a single option, at most, once it is between two others.
-More takes time, fewer leaves the option short of its best. Chosen by hand."""
-FIRST_STEP = 0.5
-"""First step of both searches, in the effect's own first steps of its options. Larger leaves the
-form that was found by the scan, smaller takes more steps. Chosen by hand: half of one."""
-OPTION_TOLERANCE = 3e-4
-"""Accuracy of the options, in the effect's first steps. Larger leaves residual for other names,
-smaller takes time. Chosen by hand."""
-COST_TOLERANCE = 1e-6
-"""Accuracy of the logarithm of the squared residual, at which the simplex ends. Larger ends in flat
-valleys, smaller takes time. Chosen by hand."""
-IMPOSSIBLE = 1e3
-"""Cost of options outside their range: that of a residual exp(1000) times as large, which no
-options have. Any other would do that is beyond what options can cost. Chosen by hand."""
 AS_A_CORNER = 0.75
 """Part of what a friction takes away that its form at the corner of any friction takes as well,
 from which it is that corner. Larger names effects for a friction that is dry or turns over
@@ -115,19 +91,6 @@ may miss the right one. Chosen by hand."""
 ORDER_MATTERS = 0.05
 """Part of the held-out residual that an order must save to be kept, whatever the others of its
 effect take. Larger leaves all to `ORDER_GAIN`, smaller keeps chance ones. Chosen by hand."""
-
-
-@dataclass(frozen=True)
-class Form:
-    """A form of an effect, and what it leaves."""
-
-    effect: Effect
-    sse: float
-    """Squared residuals of the fit to all rows."""
-    held_out: float
-    """Squared residuals of blocks that were left out."""
-    valleys: tuple[Form, ...] = ()
-    """Of a scan: what else it has to be refined from, for a simplex leaves no valley."""
 
 
 def candidates(hypothesis: Hypothesis, spans: Spans) -> list[type[Effect]]:
@@ -166,24 +129,9 @@ def best_form(
     if best is not None and not best.effect.steps(spans):
         best = _richest(hypothesis, best, spans)
     if best is not None and cls.valleys_along:
-        best = replace(best, valleys=_valleys(found, best, cls.valleys_along))
+        rest = sorted((form for form in found if form is not best), key=lambda form: form.sse)
+        best = replace(best, others=tuple(rest[:BESIDE]))
     return best
-
-
-def _valleys(found: Sequence[Form], best: Form, option: str) -> tuple[Form, ...]:
-    """Return the deepest valleys of a scan along an option, beside that of the best form."""
-    along: dict[float, Form] = {}
-    for form in found:
-        value = float(getattr(form.effect.options, option))
-        if value not in along or form.sse < along[value].sse:
-            along[value] = form
-    line = [along[value] for value in sorted(along)]
-    lowest = [
-        form
-        for k, form in enumerate(line)
-        if form is not best and all(form.sse <= near.sse for near in line[max(k - 1, 0) : k + 2])
-    ]
-    return tuple(sorted(lowest, key=lambda form: form.sse)[:MOST_VALLEYS])
 
 
 def _richest(hypothesis: Hypothesis, form: Form, spans: Spans) -> Form:
@@ -196,16 +144,6 @@ def _richest(hypothesis: Hypothesis, form: Form, spans: Spans) -> Form:
     gained = hypothesis.held_out - best
     enough = best + RICHER_PART * max(gained, 0.0)
     return next(f for f in forms if f.held_out <= enough)
-
-
-def _downwards(hypothesis: Hypothesis, form: Form, spans: Spans) -> Form:
-    """Search anew from where a search ended, as long as that pays: valleys have valleys in them."""
-    for _ in range(MOST_RESTARTS):
-        lower = by_simplex(hypothesis, form, spans)
-        if lower.sse > form.sse * (1.0 - RESTART_PAYS):
-            return lower
-        form = lower
-    return form
 
 
 def finer(hypothesis: Hypothesis, form: Form, spans: Spans) -> Form:
@@ -222,82 +160,13 @@ def finer(hypothesis: Hypothesis, form: Form, spans: Spans) -> Form:
 
 def refined(hypothesis: Hypothesis, form: Form, spans: Spans) -> Form:
     """Refine the nonlinear options of a form, then make it richer while that pays."""
-    best = by_simplex(hypothesis, form, spans)
     if form.effect.valleys_along:
-        others = (by_simplex(hypothesis, valley, spans) for valley in form.valleys)
-        best = _downwards(hypothesis, min((best, *others), key=lambda f: f.sse), spans)
+        return evolved(hypothesis, (form, *form.others), spans)
+    best = by_simplex(hypothesis, form, spans)
     if "wave_over_position" in best.effect.groups:
         best = with_orders(hypothesis, best, spans)
         return by_simplex(hypothesis, best, spans)
     return by_simplex(hypothesis, _richest(hypothesis, best, spans), spans)
-
-
-def measure(hypothesis: Hypothesis, effect: Effect, scan: bool = False) -> Form | None:
-    """Fit an effect beside the hypothesis; None where it adds no column or nothing finite."""
-    problem = hypothesis.extended(effect, scan)
-    if not np.all(np.isfinite(problem.gram)):
-        return None
-    count = problem.size - hypothesis.problem.size
-    if effect.kind != "command" and not problem.gram[:, -1 - count : -1, -1 - count : -1].any():
-        return None
-    sse = solve(problem).sse
-    held_out = float(held_out_sse(problem).sum())
-    # where held-out rows gain more than the fitted ones, what is there already was badly held
-    least = hypothesis.held_out * sse / max(hypothesis.solution.sse, 1e-300)
-    return Form(effect, sse, max(held_out, least))
-
-
-def by_simplex(
-    hypothesis: Hypothesis, form: Form, spans: Spans, most_steps: int = SIMPLEX_STEPS
-) -> Form:
-    """Search around a form for the best nonlinear options."""
-    steps = dict(form.effect.steps(spans))
-    if not steps or form.sse <= 0.0:  # a sine meets the very sine that was commanded
-        return form
-    names = list(steps)
-    bounds = option_bounds(form.effect, names, spans)
-    start = np.array([float(getattr(form.effect.options, name)) for name in names])
-    scale = np.array([steps[name] for name in names])
-    best = form
-
-    def cost(place: Array) -> float:
-        nonlocal best
-        values = start + place * scale
-        if any(not low <= value <= high for value, (low, high) in zip(values, bounds, strict=True)):
-            return IMPOSSIBLE
-        try:
-            effect = form.effect.with_options(**dict(zip(names, map(float, values), strict=True)))
-        except ValidationError:
-            return IMPOSSIBLE
-        found = measure(hypothesis, effect)
-        if found is None:
-            return IMPOSSIBLE
-        if found.sse < best.sse:
-            best = found
-        return float(np.log(max(found.sse, 1e-300) / form.sse))
-
-    n = len(names)
-    if n == 1:
-        minimize_scalar(
-            lambda place: cost(np.array([place - 1.0])),
-            bracket=(1.0, 1.0 + FIRST_STEP),
-            method="brent",
-            options={"xtol": OPTION_TOLERANCE, "maxiter": min(most_steps, LINE_STEPS)},
-        )
-        return best
-    simplex = np.vstack([np.zeros(n), FIRST_STEP * np.eye(n)])
-    minimize(
-        cost,
-        np.zeros(n),
-        method="Nelder-Mead",
-        options={
-            "initial_simplex": simplex,
-            "maxfev": most_steps * n,
-            "xatol": OPTION_TOLERANCE,
-            "fatol": COST_TOLERANCE,
-        },
-    )
-    return best
 
 
 def is_corner(hypothesis: Hypothesis, form: Form) -> bool:

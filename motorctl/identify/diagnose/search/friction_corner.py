@@ -7,8 +7,9 @@ beside the friction that was mended for what was taken later.
 
 from __future__ import annotations
 
-from motorctl.identify.diagnose.search.forms import Form, is_corner
+from motorctl.identify.diagnose.search.forms import is_corner
 from motorctl.identify.diagnose.search.hypothesis import Hypothesis
+from motorctl.identify.diagnose.search.measured_forms import Form
 from motorctl.model import Effect
 
 

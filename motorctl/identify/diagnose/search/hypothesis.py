@@ -266,11 +266,13 @@ class Hypothesis:
         forms = tuple(effect if old.name == effect.name else old for old in self.added)
         return Hypothesis(self.regressors, forms, self.acceleration)
 
-    def extended(self, effect: Effect, scan: bool = False) -> BlockedRegression:
+    def extended(
+        self, effect: Effect, scan: bool = False, coarse: bool = False
+    ) -> BlockedRegression:
         """Return the regression with an effect added, formed from that without it where possible.
 
-        scan is for a form that each round tries anew: its columns are kept, and those of a state
-        effect formed at the rate of the rows.
+        coarse forms the columns of a state effect at the rate of the rows. scan does, too, and is
+        for a form that each round tries anew: its columns are kept.
         """
         if effect.kind == "command":
             return self.plus(effect).problem
@@ -281,7 +283,7 @@ class Hypothesis:
         if effect.kind == "input":
             columns = signals.input(effect, self.applied, keep=scan)
         else:
-            step = signals.decimation if scan else None
+            step = signals.decimation if scan or coarse else None
             spectra = signals.state_spectra(effect, self.acceleration, step, keep=scan)
             columns = signals.rows_of(spectra, undo)
         held = held_columns(effect)

@@ -7,8 +7,9 @@ from dataclasses import dataclass
 
 from motorctl.identify.diagnose.search.acceptance import AS_WELL, acceptable, gain
 from motorctl.identify.diagnose.search.declared_shape import EXTREMES, reshaped, with_best_slope
-from motorctl.identify.diagnose.search.forms import NEAR, Form, is_corner
+from motorctl.identify.diagnose.search.forms import NEAR, is_corner
 from motorctl.identify.diagnose.search.hypothesis import Hypothesis
+from motorctl.identify.diagnose.search.measured_forms import Form
 from motorctl.identify.diagnose.search.physics import beyond_physics
 from motorctl.identify.diagnose.search.settling import settled
 from motorctl.model import Spans

@@ -10,8 +10,8 @@ from __future__ import annotations
 import math
 
 from motorctl.identify.columns.repetition import find_period
-from motorctl.identify.diagnose.search.forms import measure
 from motorctl.identify.diagnose.search.hypothesis import Hypothesis
+from motorctl.identify.diagnose.search.measured_forms import measure
 from motorctl.model import Effect
 
 SHOWN = 1.15

@@ -12,15 +12,9 @@ import itertools
 from collections.abc import Sequence
 
 from motorctl.identify.diagnose.search.acceptance import AS_WELL, OVER_PLACE
-from motorctl.identify.diagnose.search.forms import (
-    MOST_ORDER,
-    SAME_LINE,
-    by_simplex,
-    fundamental,
-    measure,
-    pruned,
-)
+from motorctl.identify.diagnose.search.forms import MOST_ORDER, SAME_LINE, fundamental, pruned
 from motorctl.identify.diagnose.search.hypothesis import Hypothesis
+from motorctl.identify.diagnose.search.measured_forms import by_simplex, measure
 from motorctl.identify.diagnose.search.option_ranges import LONGEST_PITCH
 from motorctl.identify.diagnose.search.simpler import freedom
 from motorctl.model import Effect, Spans

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from pydantic import ValidationError
 
 from motorctl.identify.columns.left_side import turned, turned_jacobian
-from motorctl.identify.diagnose.search.forms import measure
 from motorctl.identify.diagnose.search.held_out_blocks import BlockedFit, BlockedRegression, solve
 from motorctl.identify.diagnose.search.hypothesis import Hypothesis, held_columns
+from motorctl.identify.diagnose.search.measured_forms import measure
 from motorctl.model import Effect, EffectList, Spans
 
 Array = NDArray[np.float64]

@@ -10,15 +10,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from motorctl.identify.diagnose.search.acceptance import AS_WELL, SHADOW_SHARE
-from motorctl.identify.diagnose.search.forms import (
-    WAVES,
-    Form,
-    best_form,
-    candidates,
-    measure,
-    refined,
-)
+from motorctl.identify.diagnose.search.forms import WAVES, best_form, candidates, refined
 from motorctl.identify.diagnose.search.hypothesis import Hypothesis
+from motorctl.identify.diagnose.search.measured_forms import Form, measure
 from motorctl.identify.diagnose.search.option_ranges import ends_reached
 from motorctl.model import Effect, Spans
 from motorctl.model.knowledge import WAVE_OF_FORCE

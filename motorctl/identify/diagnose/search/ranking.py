@@ -3,15 +3,9 @@
 from __future__ import annotations
 
 from motorctl.identify.diagnose.search.acceptance import LEAST_GAIN, gain
-from motorctl.identify.diagnose.search.forms import (
-    NEAR,
-    Form,
-    all_lines,
-    best_form,
-    measure,
-    refined,
-)
+from motorctl.identify.diagnose.search.forms import NEAR, all_lines, best_form, refined
 from motorctl.identify.diagnose.search.hypothesis import Hypothesis
+from motorctl.identify.diagnose.search.measured_forms import Form, measure
 from motorctl.identify.diagnose.search.simpler import simplest_first
 from motorctl.model import Effect, Spans
 from motorctl.model.sign_function import Sign

@@ -20,11 +20,7 @@ from motorctl.identify.diagnose.search.acceptance import (
     gain,
     in_step,
 )
-from motorctl.identify.diagnose.search.forms import (
-    Form,
-    candidates,
-    measure,
-)
+from motorctl.identify.diagnose.search.forms import candidates
 from motorctl.identify.diagnose.search.held_out_blocks import (
     Blocks,
     held_out_sse,
@@ -36,6 +32,7 @@ from motorctl.identify.diagnose.search.hypothesis import (
     Hypothesis,
     Regressors,
 )
+from motorctl.identify.diagnose.search.measured_forms import Form, measure
 from motorctl.identify.diagnose.search.mending import (
     mended,
     without_unneeded,

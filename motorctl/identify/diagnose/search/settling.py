@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from motorctl.identify.diagnose.search.forms import Form, by_simplex, finer
+from motorctl.identify.diagnose.search.forms import finer
 from motorctl.identify.diagnose.search.hypothesis import Hypothesis
+from motorctl.identify.diagnose.search.measured_forms import Form, by_simplex
 from motorctl.model import Effect, Spans
 from motorctl.model.columns import uses_acceleration
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from motorctl.identify.columns.left_side import Side
-from motorctl.identify.diagnose.search.forms import Form
 from motorctl.identify.diagnose.search.hypothesis import Hypothesis
+from motorctl.identify.diagnose.search.measured_forms import Form
 from motorctl.model import Effect, Spans
 
 TIE: dict[Side, float] = {"acceleration": 0.0, "command": 0.02}

@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from motorctl.identify.columns.left_side import Side
 from motorctl.identify.diagnose.result import Alternative, ModelError
 from motorctl.identify.diagnose.search.acceptance import gain
-from motorctl.identify.diagnose.search.forms import by_simplex, measure
 from motorctl.identify.diagnose.search.held_out_blocks import (
     BlockedFit,
     BlockedRegression,
@@ -22,6 +21,7 @@ from motorctl.identify.diagnose.search.held_out_blocks import (
     with_columns,
 )
 from motorctl.identify.diagnose.search.hypothesis import Hypothesis, Regressors
+from motorctl.identify.diagnose.search.measured_forms import by_simplex, measure
 from motorctl.identify.diagnose.search.search import Found
 from motorctl.identify.diagnose.search.simulated_position import (
     judge_by_simulation,
