@@ -51,6 +51,12 @@ More takes time, fewer start the refinement too far away. Chosen by hand: of `GR
 BRAKED = (0.15, 0.5)
 """Decelerations by that friction that are tried, as parts of the top acceleration. More take time;
 with none, parts that stick for half of the time are missed. Chosen by hand."""
+STRETCHED = 6.0
+"""Counts of the encoder by which friction stretches the spring at least, before the part slides.
+Smaller takes bristles for it, larger misses stiff springs. Chosen by hand."""
+BEYOND = 1.5
+"""Factor by which the frequency may leave those that are tried. Larger lets it turn into something
+else, smaller misses those at the ends. Chosen by hand: as for all options."""
 FIRST_FRICTION = 0.1
 """First step by which the part's own friction is refined, as a part of the top acceleration. Larger
 steps over small friction, smaller takes time. Chosen by hand."""
@@ -177,30 +183,19 @@ class FlexibleMode(Effect):
         """Return frequencies up to the band's, broad resonances first, then those with friction."""
         if not (spans.period_s > 0.0 and spans.duration_s > 0.0):
             return ()
-        high = min(1.2 * spans.band_hz, 0.45 / spans.period_s, HIGHEST_HZ)
-
-        def low(zeta: float) -> float:
-            slowest = SHARP_FROM_HZ if zeta < SHARP else SLOWEST_HZ
-            return max(min(slowest, spans.band_hz / 10.0), 4.0 / spans.duration_s, 1e-6)
-
         free = [
             cls(FlexibleOptions(frequency_hz=frequency, damping_ratio=zeta))
             for zeta, per_decade in GRID
-            for frequency in log_grid(low(zeta), high, per_decade)
+            for frequency in log_grid(*_tried_hz(zeta, spans), per_decade)
         ]
         zeta, per_decade = BRAKED_GRID
         braked = [
-            cls(
-                FlexibleOptions(
-                    frequency_hz=frequency,
-                    damping_ratio=zeta,
-                    friction_m_s2=part * spans.acceleration_m_s2,
-                )
-            )
-            for part in BRAKED
-            for frequency in log_grid(low(zeta), high, per_decade)
+            FlexibleOptions(frequency_hz=frequency, damping_ratio=zeta, friction_m_s2=friction)
+            for friction in (part * spans.acceleration_m_s2 for part in BRAKED)
+            for frequency in log_grid(*_tried_hz(zeta, spans), per_decade)
+            if frequency < _stiffest_hz(friction, spans)
         ]
-        return free + braked if spans.acceleration_m_s2 > 0.0 else free
+        return [*free, *(cls(options) for options in braked)]
 
     @classmethod
     def ringing_at(cls, line_hz: float, spans: Spans) -> Sequence[Effect]:
@@ -219,9 +214,13 @@ class FlexibleMode(Effect):
         return forms
 
     def ranges(self, spans: Spans) -> Mapping[str, tuple[float, float]]:
-        """Return the range of friction, and those of a slow resonance, which stays at its line."""
+        """Return the ranges of friction and frequency, and of a slow resonance that of its line."""
+        frequency, friction = self.options.frequency_hz, self.options.friction_m_s2
         braked = {"friction_m_s2": (0.0, MOST_FRICTION * spans.acceleration_m_s2)}
-        frequency = self.options.frequency_hz
+        if friction > 0.0:
+            low, high = _tried_hz(self.options.damping_ratio, spans)
+            stiffest = _stiffest_hz(friction, spans)
+            braked["frequency_hz"] = (low / BEYOND, min(high * BEYOND, stiffest))
         if frequency >= SLOWEST_HZ or self.options.damping_ratio > SLOW_BROADEST:
             return braked
         down, _ = SLOW_AROUND
@@ -236,10 +235,28 @@ class FlexibleMode(Effect):
         per_decade = next((n for width, n in GRID if zeta >= width), GRID[-1][1])
         frequency = log_step(self.options.frequency_hz, per_decade)
         steps = {"frequency_hz": frequency, "damping_ratio": max(0.5 * zeta, 1e-3)}
-        if spans.acceleration_m_s2 > 0.0:
-            first = FIRST_FRICTION * spans.acceleration_m_s2
+        first = FIRST_FRICTION * spans.acceleration_m_s2
+        if self.options.friction_m_s2 > 0.0 or self.options.frequency_hz < _stiffest_hz(
+            first, spans
+        ):
             steps["friction_m_s2"] = max(0.5 * self.options.friction_m_s2, first)
         return steps
+
+
+def _tried_hz(zeta: float, spans: Spans) -> tuple[float, float]:
+    """Return the lowest and the highest frequency that is tried [Hz]."""
+    high = min(1.2 * spans.band_hz, 0.45 / spans.period_s, HIGHEST_HZ)
+    slowest = SHARP_FROM_HZ if zeta < SHARP else SLOWEST_HZ
+    return max(min(slowest, spans.band_hz / 10.0), 4.0 / spans.duration_s, 1e-6), high
+
+
+def _stiffest_hz(friction_m_s2: float, spans: Spans) -> float:
+    """Return from which frequency on a part that sticks hardly stretches its spring [Hz].
+
+    It is bristles of friction there, and no part of the mass.
+    """
+    unseen = max(STRETCHED * spans.resolution_m, spans.unseen_way_m, 1e-12)
+    return math.sqrt(friction_m_s2 / unseen) / (2.0 * math.pi)
 
 
 @njit(inline="always")
