@@ -52,7 +52,8 @@ class Sought(ABC):
     scan_shows_part: ClassVar[bool] = False
     """A first look, with one line or coarse columns, shows only a part of what it explains."""
     valleys_along: ClassVar[str] = ""
-    """An option along which a scan has more than one valley: each of the deepest is refined."""
+    """An option along which a scan has more than one valley: all options are then sought by
+    evolution, within their ranges."""
     leaves_bursts: ClassVar[bool] = False
     """Of impacts, which no form follows closely: what it leaves does not speak against it."""
     told_by_other_speeds: ClassVar[bool] = False

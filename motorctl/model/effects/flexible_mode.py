@@ -54,6 +54,9 @@ with none, parts that stick for half of the time are missed. Chosen by hand."""
 STRETCHED = 6.0
 """Counts of the encoder by which friction stretches the spring at least, before the part slides.
 Smaller takes bristles for it, larger misses stiff springs. Chosen by hand."""
+SLIGHT = 0.02
+"""Friction of the part, as a part of the top acceleration, below which it is as good as none. Larger
+lets bristles pass for a part, smaller refutes free parts for a trace of friction. Chosen by hand."""
 BEYOND = 1.5
 """Factor by which the frequency may leave those that are tried. Larger lets it turn into something
 else, smaller misses those at the ends. Chosen by hand: as for all options."""
@@ -217,7 +220,7 @@ class FlexibleMode(Effect):
         """Return the ranges of friction and frequency, and of a slow resonance that of its line."""
         frequency, friction = self.options.frequency_hz, self.options.friction_m_s2
         braked = {"friction_m_s2": (0.0, MOST_FRICTION * spans.acceleration_m_s2)}
-        if friction > 0.0:
+        if friction > SLIGHT * spans.acceleration_m_s2:
             low, high = _tried_hz(self.options.damping_ratio, spans)
             stiffest = _stiffest_hz(friction, spans)
             braked["frequency_hz"] = (low / BEYOND, min(high * BEYOND, stiffest))
