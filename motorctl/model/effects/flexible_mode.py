@@ -55,8 +55,9 @@ STRETCHED = 6.0
 """Counts of the encoder by which friction stretches the spring at least, before the part slides.
 Smaller takes bristles for it, larger misses stiff springs. Chosen by hand."""
 SLIGHT = 0.02
-"""Friction of the part, as a part of the top acceleration, below which it is as good as none. Larger
-lets bristles pass for a part, smaller refutes free parts for a trace of friction. Chosen by hand."""
+"""Friction of the part, as a part of the top acceleration, below which it is as good as none.
+Larger lets bristles pass for a part, smaller refutes free parts for a trace of friction. Chosen by
+hand."""
 BEYOND = 1.5
 """Factor by which the frequency may leave those that are tried. Larger lets it turn into something
 else, smaller misses those at the ends. Chosen by hand: as for all options."""

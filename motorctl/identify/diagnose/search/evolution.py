@@ -30,7 +30,11 @@ command: below 15 and below 20 Hz nine gaps of ten are found, in the whole band 
 MEMBERS, GENERATIONS = 60, 25
 """Forms that evolve together below the low band, and how long. More take time, fewer miss the
 deepest valley. Chosen by hand: twelve times the options of a gap."""
-LAST_MEMBERS, LAST_GENERATIONS = 40, 15
+SHOWS = 0.9
+"""Part of the squared residual below the low band that the best form leaves, from which on the
+whole band is not searched. Larger takes time on what is no such effect, smaller misses weak ones.
+Chosen by hand."""
+LAST_MEMBERS, LAST_GENERATIONS = 30, 12
 """The same in the whole band, around what was found. More take time, fewer end beside the valley.
 Chosen by hand."""
 AS_GOOD = 0.3
@@ -103,6 +107,8 @@ def evolved(hypothesis: Hypothesis, scanned: Sequence[Form], spans: Spans) -> Fo
     begun = _values(scanned, box.names)
     rough = _Trial(smooth, scanned[0], coarse=True)
     found = _evolve(rough, box, begun, MEMBERS, GENERATIONS)
+    if rough.cost(box, box.places(found)) > SHOWS:
+        return by_simplex(hypothesis, scanned[0], spans)
     near = _as_good(rough, box, found)
     whole = _Trial(hypothesis, scanned[0], coarse=False)
     found = _evolve(whole, near, found[None], LAST_MEMBERS, LAST_GENERATIONS)
