@@ -252,6 +252,7 @@ def _check_knowledge(cls: type[Effect], refuse: Refusal) -> None:
     refuse.among("amplitudes", amplitudes, options)
     if cls.valleys_along:
         refuse.among("valleys_along", [cls.valleys_along], options)
+    refuse.among("may_lack", refuse.asked("may_lack", lambda: list(cls.may_lack)), options)
     ends = refuse.asked("refuted_at_end", lambda: dict(cls.refuted_at_end))
     refuse.among("refuted_at_end", ends, options)
     refuse.among("refuted_at_end", ends.values(), get_args(End))

@@ -54,6 +54,8 @@ class Sought(ABC):
     valleys_along: ClassVar[str] = ""
     """An option along which a scan has more than one valley: all options are then sought by
     evolution, within their ranges."""
+    may_lack: ClassVar[tuple[str, ...]] = ()
+    """Options that are often zero: a form in which they are is taken unless they pay."""
     leaves_bursts: ClassVar[bool] = False
     """Of impacts, which no form follows closely: what it leaves does not speak against it."""
     told_by_other_speeds: ClassVar[bool] = False
@@ -170,8 +172,8 @@ class Sought(ABC):
     def ranges(self, spans: Spans) -> Mapping[str, tuple[float, float]]:
         """Return between what values options that are refined mean this effect.
 
-        Only for places and times, and for forms that `trials` leaves out. A size, which is never
-        zero, may leave the range of the forms that are tried by a factor.
+        Only for places and times, for sizes that may be zero, and for forms that `trials` leaves
+        out. Any other size may leave the range of the forms that are tried by a factor.
 
         Parameters
         ----------

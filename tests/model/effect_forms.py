@@ -142,6 +142,7 @@ MEMORY = [
     form("presliding", displacement_m=1e-5),
     form("cross_axis", axes=("y", "z")),
     form("flexible_mode", frequency_hz=80.0, damping_ratio=0.02),
+    form("flexible_mode", frequency_hz=30.0, damping_ratio=0.1, friction_m_s2=0.8),
     form("backlash", gap_m=2e-4, glide_m_s2=0.5),
     form("drive_hysteresis", play_v=1.2, plays=3),
 ]

@@ -102,7 +102,7 @@ class Backlash(Effect):
     title = "Backlash before the load"
     formula = "m * (push of the flanks - push of a joint without gap), per unit of the load's mass"
     compensated = "feedforward with the load advanced along the desired motion"
-    identified = "linear in the load's inertia m; gap, glide, slowing and contact by a scan"
+    identified = "linear in the load's inertia m; gap, glide, slowing and contact by evolution"
     visible_in = (
         "many reversals, quick ones and slow ones, with the encoder on the motor, and an encoder "
         "that shows the gap with a dozen counts"

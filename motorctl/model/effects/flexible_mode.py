@@ -105,9 +105,9 @@ class FlexibleMode(Effect):
     kind = "state"
     memory = 3
     title = "Flexible mode"
-    formula = "-m * [s^2/(s^2 + 2 zeta omega s + omega^2)] a"
+    formula = "-m * [s^2/(s^2 + 2 zeta omega s + omega^2)] (a + d), d of a part that rubs"
     compensated = "feedforward with the oscillation advanced along the desired acceleration"
-    identified = "linear in the filtered acceleration; frequency and damping by a scan"
+    identified = "linear in the filtered acceleration; frequency, damping and friction by a scan"
     visible_in = (
         "high jerk: starts and stops shorter than a period of the oscillation, rests after them, "
         "sampled several times as fast as the oscillation"
@@ -115,11 +115,14 @@ class FlexibleMode(Effect):
     groups = frozenset({"line_over_time", "resonance"})
     scan_shows_part = True
     refuted_at_end = MappingProxyType(
-        {"damping_ratio": "either", "frequency_hz": "either", "friction_m_s2": "neither"}
+        {"damping_ratio": "either", "frequency_hz": "either", "friction_m_s2": "upper"}
     )
+    may_lack = ("friction_m_s2",)
     revealed_by = ("fast_reversals",)
     Options = FlexibleOptions
     options: FlexibleOptions
+    lever: float = 1.0
+    """Offset of the part over the memory's; another on the acceleration of a rigid machine."""
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
@@ -128,10 +131,10 @@ class FlexibleMode(Effect):
 
     @property
     def constants(self) -> tuple[float, ...]:
-        """Omega, zeta omega, damped frequency [rad/s], its reciprocal, and friction [m/s^2]."""
+        """Omega, zeta omega, damped frequency [rad/s], its reciprocal; friction [m/s^2], lever."""
         omega, zeta = 2.0 * math.pi * self.options.frequency_hz, self.options.damping_ratio
         damped = omega * math.sqrt(1.0 - zeta * zeta)
-        return omega, zeta * omega, damped, 1.0 / damped, self.options.friction_m_s2
+        return omega, zeta * omega, damped, 1.0 / damped, self.options.friction_m_s2, self.lever
 
     @property
     def lines(self) -> tuple[float, ...]:
@@ -150,7 +153,7 @@ class FlexibleMode(Effect):
 
     def over_acceleration(self, w: Array) -> NDArray[np.complex128]:
         """Return -s^2/(s^2 + 2 zeta omega s + omega^2) at s = j w."""
-        omega, decay, _, _, _ = self.constants
+        omega, decay = self.constants[:2]
         behind: NDArray[np.complex128] = omega * omega - w * w + 2j * decay * w
         result: NDArray[np.complex128] = (w * w).astype(np.complex128) / behind
         return result
@@ -173,14 +176,18 @@ class FlexibleMode(Effect):
         The reverse of `on_own_acceleration`: a = r/(1 - f G) = r + f/(1 - f) G' r.
         """
         f = min(max(theta[0], -LARGEST_PART), LARGEST_PART)
-        return self._shifted(1.0 / math.sqrt(1.0 - f)), (f / (1.0 - f),)
+        rigid = self._shifted(1.0 / math.sqrt(1.0 - f))
+        rigid.lever = 1.0 / (1.0 - f)
+        return rigid, (f / (1.0 - f),)
 
-    def _shifted(self, by: float) -> Effect:
-        return self.with_options(
+    def _shifted(self, by: float) -> FlexibleMode:
+        shifted = self.with_options(
             frequency_hz=self.options.frequency_hz * by,
             damping_ratio=min(self.options.damping_ratio * by, 0.99),
             friction_m_s2=self.options.friction_m_s2 / (by * by),
         )
+        assert isinstance(shifted, FlexibleMode)
+        return shifted
 
     @classmethod
     def trials(cls, spans: Spans) -> Sequence[Effect]:
@@ -221,7 +228,7 @@ class FlexibleMode(Effect):
         """Return the ranges of friction and frequency, and of a slow resonance that of its line."""
         frequency, friction = self.options.frequency_hz, self.options.friction_m_s2
         braked = {"friction_m_s2": (0.0, MOST_FRICTION * spans.acceleration_m_s2)}
-        if friction > SLIGHT * spans.acceleration_m_s2:
+        if friction > SLIGHT * spans.acceleration_m_s2 and spans.duration_s > 0.0:
             low, high = _tried_hz(self.options.damping_ratio, spans)
             stiffest = _stiffest_hz(friction, spans)
             braked["frequency_hz"] = (low / BEYOND, min(high * BEYOND, stiffest))
@@ -277,8 +284,8 @@ def advance(
 ) -> None:
     """Advance the oscillation exactly, with the acceleration going straight from last to this.
 
-    Exact for any step, so stable at any sample rate (first-order hold). Friction then takes of the
-    part's velocity what it can in the step, all of it where the part sticks.
+    Exact for any step, so stable at any sample rate (first-order hold), while the part slides one
+    way. Where friction can stop it within the step, it has stopped at the end.
     """
     omega, decay, damped = c[0], c[1], c[2]
     if dt > 0.0:
@@ -291,8 +298,13 @@ def advance(
         w[0] = r * cosine + (dr + decay * r) * sine + start + rate * dt
         w[1] = dr * cosine - (omega * omega * r + decay * dr) * sine + rate
         if c[4] > 0.0:
-            part = v - w[1]
-            braked = math.copysign(min(abs(part), c[4] * dt), part)
-            w[0] += 0.5 * dt * braked
-            w[1] += braked
+            # what as much friction all along the step would have made of it; less where it sticks
+            kick = sine * c[4]
+            slides = v - c[5] * w[1]
+            stops = c[5] * kick
+            part = math.copysign(1.0, slides)
+            if abs(slides) < stops:
+                part = slides / stops
+            w[0] += part * c[4] * (1.0 - cosine - decay * sine) / (omega * omega)
+            w[1] += part * kick
     w[2] = a

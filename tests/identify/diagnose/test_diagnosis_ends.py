@@ -62,7 +62,10 @@ def test_every_size_at_the_upper_end_is_refuted_unless_its_effect_comes_there_by
         ends = ends_reached(ended, spans)
         (refuted if any(end.refutes for end in ends) else legal).add((form.name, name))
     assert legal == {
+        ("backlash", "contact_damping"),
+        ("backlash", "contact_hz"),
         ("backlash", "glide_m_s2"),
+        ("backlash", "slows_1_s"),
         ("gain_drift", "time_constant_s"),
         ("stribeck", "exponent"),
         ("voltage_clipping", "no_load_m_s"),
@@ -70,6 +73,12 @@ def test_every_size_at_the_upper_end_is_refuted_unless_its_effect_comes_there_by
     }
     assert {("input_lag", "time_s"), ("input_delay", "time_s")} < refuted
     assert {("dead_zone", "half_width_v"), ("cogging", "pitch_m")} < refuted
+    assert ("flexible_mode", "friction_m_s2") in refuted  # a part that only sticks is none
+
+
+def test_friction_that_is_not_there_comes_to_no_end(signals):
+    free = make_effect(effect_class("flexible_mode"), {"frequency_hz": 20.0})
+    assert ends_reached(free, spans_of(signals)) == []
 
 
 def test_a_wave_too_long_for_the_travel_is_refuted_once_all_stands(signals):

@@ -17,7 +17,7 @@ from scipy.optimize import differential_evolution
 from scipy.stats import qmc
 
 from motorctl.identify.diagnose.search.hypothesis import Hypothesis, Regressors
-from motorctl.identify.diagnose.search.measured_forms import Form, by_simplex, measure
+from motorctl.identify.diagnose.search.measured_forms import Form, measure
 from motorctl.identify.diagnose.search.option_ranges import option_bounds
 from motorctl.model import Spans
 
@@ -35,15 +35,16 @@ SHOWS = 0.9
 whole band is not searched. Larger takes time on what is no such effect, smaller misses weak ones.
 Chosen by hand."""
 LAST_MEMBERS, LAST_GENERATIONS = 30, 12
-"""The same in the whole band, around what was found. More take time, fewer end beside the valley.
-Chosen by hand."""
+"""Forms that evolve, and how long, in the whole band around what was found. More take time, fewer
+end beside the valley. Chosen by hand."""
 AS_GOOD = 0.3
 """Part of the squared residual that an option may leave more than the best, to count as being as
 good: there the whole band is searched. Larger leaves too much to search, smaller too little. Chosen
 by hand."""
 STEPS = (0.02, 0.04, 0.08, 0.16, 0.32, 0.64, 1.0)
 """Steps by which an option is moved until it does worse, as parts of its range. Finer takes time,
-coarser leaves too much to search. Arithmetic: each is twice the one before."""
+coarser leaves too much to search. Arithmetic: each is twice the
+one before, and the last is all of the range."""
 SETTLED = 1e-3
 """Spread of the members' squared residuals, over their mean, at which they have met. Larger stops
 short, smaller takes time. Chosen by hand."""
@@ -64,10 +65,7 @@ class _Box:
     names: tuple[str, ...]
     low: Array
     high: Array
-
-    @property
-    def by_logarithm(self) -> NDArray[np.bool_]:
-        return np.asarray(self.low > 0.0)
+    by_logarithm: NDArray[np.bool_]
 
     def options(self, places: Array) -> Array:
         """Return the options at places between 0 and 1, (..., names)."""
@@ -83,7 +81,7 @@ class _Box:
 
     def between(self, low: Array, high: Array) -> _Box:
         """Return the part of the box between two places."""
-        return _Box(self.names, self.options(low), self.options(high))
+        return _Box(self.names, self.options(low), self.options(high), self.by_logarithm)
 
     def _scaled(self, values: Array) -> Array:
         positive = np.where(self.by_logarithm, values, 1.0)
@@ -108,14 +106,12 @@ def evolved(hypothesis: Hypothesis, scanned: Sequence[Form], spans: Spans) -> Fo
     rough = _Trial(smooth, scanned[0], coarse=True)
     found = _evolve(rough, box, begun, MEMBERS, GENERATIONS)
     if rough.cost(box, box.places(found)) > SHOWS:
-        return by_simplex(hypothesis, scanned[0], spans)
+        return scanned[0]
     near = _as_good(rough, box, found)
     whole = _Trial(hypothesis, scanned[0], coarse=False)
     found = _evolve(whole, near, found[None], LAST_MEMBERS, LAST_GENERATIONS)
     best = whole.measured(box.names, found)
-    if best is None or best.sse >= scanned[0].sse:
-        best = scanned[0]
-    return by_simplex(hypothesis, best, spans)
+    return scanned[0] if best is None or best.sse >= scanned[0].sse else best
 
 
 def _band(hypothesis: Hypothesis) -> float:
@@ -125,6 +121,8 @@ def _band(hypothesis: Hypothesis) -> float:
 def _below(hypothesis: Hypothesis, band_hz: float) -> Hypothesis:
     """Return the hypothesis on the same rows behind a low pass, its parameters fitted anew."""
     old = hypothesis.regressors
+    if old.offset is not None:  # formed for the whole band
+        return hypothesis
     regressors = Regressors(
         old.signals.plain(band_hz), old.declared, old.blocks, old.side, old.catalogue
     )
@@ -138,7 +136,7 @@ def _box(form: Form, spans: Spans) -> _Box:
     low, high = (np.array(ends) for ends in zip(*bounds, strict=True))
     low = np.where(np.isfinite(low), low, np.minimum(at / UNBOUNDED, at * UNBOUNDED))
     high = np.where(np.isfinite(high), high, np.maximum(at / UNBOUNDED, at * UNBOUNDED))
-    return _Box(names, low, high)
+    return _Box(names, low, high, low > 0.0)
 
 
 def _values(forms: Sequence[Form], names: Sequence[str]) -> Array:

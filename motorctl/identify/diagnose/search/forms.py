@@ -1,8 +1,8 @@
 """For each effect, the form of it that explains most: variable projection.
 
 The linear parameters are fitted at every trial; the nonlinear ones are scanned over the forms that
-the effect itself proposes, then refined by a simplex. Effects that are periodic start from the
-lines of a spectrum instead of a scan.
+the effect itself proposes, then refined by a simplex or by evolution. Effects that are periodic
+start from the lines of a spectrum instead of a scan.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from motorctl.identify.diagnose.search.evolution import evolved
 from motorctl.identify.diagnose.search.held_out_blocks import residual
 from motorctl.identify.diagnose.search.hypothesis import Hypothesis
 from motorctl.identify.diagnose.search.measured_forms import Form, by_simplex, measure
-from motorctl.identify.diagnose.search.option_ranges import LONGEST_PITCH
+from motorctl.identify.diagnose.search.option_ranges import LONGEST_PITCH, at_bound
 from motorctl.identify.diagnose.search.spectral_lines import (
     position_spectrum,
     strongest,
@@ -64,7 +64,7 @@ RICHER_STEPS = 4
 by hand."""
 BESIDE = 14
 """Forms of a scan with many valleys from which others evolve, beside the best. More leave less to
-chance, fewer keep more of what the scan showed. Chosen by hand: half of what evolves."""
+chance, fewer keep less of what the scan showed. Chosen by hand: a quarter of what evolves."""
 NEAR = 3.0
 """A form is refined where its gain is at least the best one's over this. Larger takes time, smaller
 misses forms with a coarse scan. Chosen by hand."""
@@ -159,14 +159,33 @@ def finer(hypothesis: Hypothesis, form: Form, spans: Spans) -> Form:
 
 
 def refined(hypothesis: Hypothesis, form: Form, spans: Spans) -> Form:
-    """Refine the nonlinear options of a form, then make it richer while that pays."""
-    if form.effect.valleys_along:
-        return evolved(hypothesis, (form, *form.others), spans)
-    best = by_simplex(hypothesis, form, spans)
+    """Refine the nonlinear options of a form, then make it richer while that pays.
+
+    By a simplex, or by evolution where an effect's residual has many valleys.
+    """
+    if form.effect.valleys_along and form.effect.steps(spans):
+        form = evolved(hypothesis, (form, *form.others), spans)
+    best = _lacking(hypothesis, by_simplex(hypothesis, form, spans), spans)
     if "wave_over_position" in best.effect.groups:
         best = with_orders(hypothesis, best, spans)
         return by_simplex(hypothesis, best, spans)
-    return by_simplex(hypothesis, _richest(hypothesis, best, spans), spans)
+    rich = _richest(hypothesis, best, spans)
+    return _lacking(hypothesis, by_simplex(hypothesis, rich, spans), spans)
+
+
+def _lacking(hypothesis: Hypothesis, form: Form, spans: Spans) -> Form:
+    """Take what the effect may lack away from a form, unless it pays or cannot be."""
+    for name in form.effect.may_lack:
+        if getattr(form.effect.options, name) == 0.0:
+            continue
+        plain = measure(hypothesis, form.effect.with_options(**{name: 0.0}))
+        if plain is None:
+            continue
+        plain = by_simplex(hypothesis, plain, spans, fixed={name})
+        pays = form.held_out < plain.held_out * (1.0 - FINER_PART)
+        if not pays or at_bound(form.effect, spans):
+            form = plain
+    return form
 
 
 def is_corner(hypothesis: Hypothesis, form: Form) -> bool:

@@ -6,6 +6,7 @@ refined by a simplex.
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass
 
 import numpy as np
@@ -74,14 +75,20 @@ def measure(
 
 
 def by_simplex(
-    hypothesis: Hypothesis, form: Form, spans: Spans, most_steps: int = SIMPLEX_STEPS
+    hypothesis: Hypothesis,
+    form: Form,
+    spans: Spans,
+    most_steps: int = SIMPLEX_STEPS,
+    fixed: Collection[str] = (),
 ) -> Form:
-    """Search around a form for the best nonlinear options."""
-    steps = dict(form.effect.steps(spans))
+    """Search around a form for the best nonlinear options; those that are fixed stay."""
+    steps = {k: step for k, step in form.effect.steps(spans).items() if k not in fixed}
     if not steps or form.sse <= 0.0:  # a sine meets the very sine that was commanded
         return form
     names = list(steps)
-    bounds = option_bounds(form.effect, names, spans)
+    every = list(form.effect.steps(spans))
+    ranges = dict(zip(every, option_bounds(form.effect, every, spans), strict=True))
+    bounds = [ranges[name] for name in names]
     start = np.array([float(getattr(form.effect.options, name)) for name in names])
     scale = np.array([steps[name] for name in names])
     best = form

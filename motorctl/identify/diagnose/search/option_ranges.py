@@ -92,6 +92,8 @@ def ends_reached(effect: Effect, spans: Spans) -> list[Reached]:
         if low > 0.0 or name in own:
             ends = (("upper", high), ("lower", low))
         for end, bound in ends:
+            if bound == 0.0 and end == "lower":  # a size that is not there comes to no end
+                continue
             near = EDGE * (high - low if name in own else bound)
             beyond = value - bound if end == "upper" else bound - value
             if isfinite(bound) and beyond > -near:

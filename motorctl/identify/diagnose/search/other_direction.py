@@ -62,8 +62,7 @@ def worse_in_other_direction(final: Hypothesis) -> tuple[Effect, str] | None:
         asked = stiff & (hz > above_hz) & (hz < signals.band_hz)
         with_it = _missed(final, effect, inertia, asked)
         rigid = _missed(rest, effect, _inertia(rest, effect, hz), asked)
-        noise = _noise(rest, asked)
-        if with_it > WORSE * rigid > 0.0 and noise > NOISY * rigid:
+        if with_it > WORSE * rigid > 0.0 and _noise(rest, asked) > NOISY * rigid:
             return effect, (
                 f"{effect.name} is refuted: above {above_hz:.3g} Hz it meets the command better, "
                 "but the acceleration that follows from the command leaves "

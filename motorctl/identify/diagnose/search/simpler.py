@@ -22,8 +22,13 @@ were wrong, smaller exchanges by chance. Chosen by hand."""
 
 
 def freedom(effect: Effect, spans: Spans) -> int:
-    """Return how many numbers of an effect are fitted: its parameters and its options."""
-    return len(effect.parameters) + len(effect.amplitudes) + len(effect.steps(spans))
+    """Return how many numbers of an effect are fitted: its parameters and its options.
+
+    Those that it may lack count where it has them.
+    """
+    lacks = [name for name in effect.may_lack if getattr(effect.options, name) == 0.0]
+    options = len(effect.steps(spans).keys() - lacks)
+    return len(effect.parameters) + len(effect.amplitudes) + options
 
 
 def simplest_first(hypothesis: Hypothesis, forms: Sequence[Form], spans: Spans) -> list[Form]:
