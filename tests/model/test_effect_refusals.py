@@ -81,6 +81,8 @@ CASES = [
      "refuted_at_end names 'center_m'; expected one of: middle_m, half_length_m"),
     ("brake_zone", *with_attribute('valleys_along = "center_m"'),
      "valleys_along names 'center_m'; expected one of: middle_m, half_length_m"),
+    ("brake_zone", *with_attribute('may_lack = ("drag_m",)'),
+     "may_lack names 'drag_m'; expected one of: middle_m, half_length_m"),
     ("brake_zone", *with_attribute('refuted_at_end = {"middle_m": "left"}'),
      "refuted_at_end names 'left'; expected one of: either, upper, neither"),
     ("brake_zone", *with_attribute('usual = {"share": 1.0}'),
