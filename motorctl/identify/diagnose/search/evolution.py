@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import ValidationError
-from scipy.optimize import differential_evolution
+from scipy.optimize import Bounds, differential_evolution
 from scipy.stats import qmc
 
 from motorctl.identify.diagnose.search.hypothesis import Hypothesis, Regressors
@@ -42,8 +42,8 @@ AS_GOOD = 0.3
 good: there the whole band is searched. Larger leaves too much to search, smaller too little. Chosen
 by hand."""
 STEPS = (0.02, 0.04, 0.08, 0.16, 0.32, 0.64, 1.0)
-"""Steps by which an option is moved until it does worse, as parts of its range. Finer takes time,
-coarser leaves too much to search. Arithmetic: each is twice the
+"""Steps by which an option is moved until it does worse, as parts of its range. Larger leave too
+much to search, smaller take time. Arithmetic: each is twice the
 one before, and the last is all of the range."""
 SETTLED = 1e-3
 """Spread of the members' squared residuals, over their mean, at which they have met. Larger stops
@@ -55,7 +55,7 @@ WORST = 1e9
 """Cost of a form that cannot be, over that of no form at all. Any other would do that is beyond
 what forms cost. Chosen by hand."""
 SEED = 1
-"""Of the evolution: the same recording has the same answer. Any other would do."""
+"""Of the evolution: the same recording has the same answer. Any other would do. Convention."""
 
 
 @dataclass(frozen=True)
@@ -196,9 +196,13 @@ def _evolve(trial: _Trial, box: _Box, begun: Array, count: int, generations: int
     # what a scan never varied says nothing, and without variety nothing evolves
     varied = (np.ptp(begun, axis=0) > 0.0) | (len(begun) == 1)
     places[:half] = np.where(varied, box.places(begun[:half]), places[:half])
+
+    def cost(place: Array) -> float:
+        return trial.cost(box, place)
+
     result = differential_evolution(
-        lambda place: trial.cost(box, place),
-        [(0.0, 1.0)] * len(box.names),
+        cost,
+        Bounds(np.zeros(len(box.names)), np.ones(len(box.names))),
         init=places,
         maxiter=generations,
         rng=SEED,
