@@ -48,11 +48,11 @@ CONTACT_DAMPING = 0.8
 """Its damping ratio from which the search starts. Larger sticks at once, smaller bounces for long;
 metal on grease lies between. Chosen by hand."""
 SOFTEST, HARDEST = 0.25, 4.0
-"""Contacts that are sought, as parts of the frequency from which the search starts. A larger range
-takes time, a smaller one misses belts and blows. Chosen by hand."""
+"""Contacts that are sought, as parts of the frequency from which the search starts. Larger ends
+take time, smaller ones miss belts and blows. Chosen by hand."""
 SLIPPERIEST, STICKIEST = 0.02, 1.2
-"""Damping ratios of contacts that are sought. A larger range takes time, a smaller one misses what
-bounces for long. Chosen by hand: beyond 1 nothing bounces."""
+"""Damping ratios of contacts that are sought. Larger ends take time, smaller ones miss what bounces
+for long. Chosen by hand: beyond 1 nothing bounces."""
 MOST_GLIDE, MOST_SLOWING = 0.75, 1.0
 """Most deceleration of a gliding load that is sought, by dry friction and at top speed by viscous
 friction, as parts of the top acceleration. Larger stops at once, smaller misses loads that rub.
