@@ -9,6 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
+from motorctl.model import Spans, effect_class
 from motorctl.model.columns import state_columns
 
 HZ, ZETA, RATE_HZ = 12.0, 0.05, 5000.0
@@ -114,3 +115,18 @@ def test_on_the_acceleration_of_a_rigid_machine_it_moves_as_two_masses(share, fr
     rigid, (weight,) = own.on_rigid_acceleration((share,))
     told = force - weight * state_columns(rigid, x, v, force, v, t)[0]
     assert np.std(told - true) < 0.03 * np.std(true)
+
+
+def test_parts_are_tried_with_friction_where_it_shows_and_lets_them_slide():
+    spans = Spans(
+        position_m=(-0.2, 0.2), speed_m_s=1.0, acceleration_m_s2=10.0, command_v=8.0,
+        time_s=(0.0, 20.0), period_s=2e-4, band_hz=200.0, resolution_m=1e-6,
+    )  # fmt: skip
+    tried = [effect.options for effect in effect_class("flexible_mode").trials(spans)]
+    rubbing = [options for options in tried if options.friction_m_s2 > 0.0]
+    assert rubbing
+    stretched = [
+        options.friction_m_s2 / (2.0 * math.pi * options.frequency_hz) ** 2 for options in rubbing
+    ]
+    assert min(stretched) > 5.0 * spans.resolution_m
+    assert max(stretched) < 0.2 * spans.travel_m

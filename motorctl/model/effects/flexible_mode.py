@@ -58,6 +58,10 @@ UNSEEN_PART = 0.5
 """The same in ways that every reversal makes before the band shows it. Smaller takes friction that
 turns over for a part, larger misses stiff springs. Chosen by hand on simulated axes of other
 authors: a spring has 0.87, dry friction 0.3."""
+STRETCHED_MOST = 0.125
+"""Part of the travel by which friction stretches the spring at most. Larger takes a spring to the
+ground for a part that sticks, smaller misses soft springs. Chosen by hand: at a half nothing ever
+slides."""
 SLIGHT = 0.02
 """Friction of the part, as a part of the top acceleration, below which it is as good as none.
 Larger lets bristles pass for a part, smaller refutes free parts for a trace of friction. Chosen by
@@ -208,7 +212,7 @@ class FlexibleMode(Effect):
             FlexibleOptions(frequency_hz=frequency, damping_ratio=zeta, friction_m_s2=friction)
             for friction in (part * spans.acceleration_m_s2 for part in BRAKED)
             for frequency in log_grid(*_tried_hz(zeta, spans), per_decade)
-            if frequency < _stiffest_hz(friction, spans)
+            if _slides_at(frequency, friction, spans)
         ]
         return [*free, *(cls(options) for options in braked)]
 
@@ -234,8 +238,8 @@ class FlexibleMode(Effect):
         braked = {"friction_m_s2": (0.0, MOST_FRICTION * spans.acceleration_m_s2)}
         if friction > SLIGHT * spans.acceleration_m_s2 and spans.duration_s > 0.0:
             low, high = _tried_hz(self.options.damping_ratio, spans)
-            stiffest = _stiffest_hz(friction, spans)
-            braked["frequency_hz"] = (low / BEYOND, min(high * BEYOND, stiffest))
+            softest, stiffest = _sliding_hz(friction, spans)
+            braked["frequency_hz"] = max(low / BEYOND, softest), min(high * BEYOND, stiffest)
         if frequency >= SLOWEST_HZ or self.options.damping_ratio > SLOW_BROADEST:
             return braked
         down, _ = SLOW_AROUND
@@ -251,9 +255,8 @@ class FlexibleMode(Effect):
         frequency = log_step(self.options.frequency_hz, per_decade)
         steps = {"frequency_hz": frequency, "damping_ratio": max(0.5 * zeta, 1e-3)}
         first = FIRST_FRICTION * spans.acceleration_m_s2
-        if self.options.friction_m_s2 > 0.0 or self.options.frequency_hz < _stiffest_hz(
-            first, spans
-        ):
+        rubs = self.options.friction_m_s2 > 0.0
+        if rubs or _slides_at(self.options.frequency_hz, first, spans):
             steps["friction_m_s2"] = max(0.5 * self.options.friction_m_s2, first)
         return steps
 
@@ -265,13 +268,21 @@ def _tried_hz(zeta: float, spans: Spans) -> tuple[float, float]:
     return max(min(slowest, spans.band_hz / 10.0), 4.0 / spans.duration_s, 1e-6), high
 
 
-def _stiffest_hz(friction_m_s2: float, spans: Spans) -> float:
-    """Return from which frequency on a part that sticks hardly stretches its spring [Hz].
+def _sliding_hz(friction_m_s2: float, spans: Spans) -> tuple[float, float]:
+    """Return between what frequencies a part with friction slides, and shows it [Hz].
 
-    It is bristles of friction there, and no part of the mass.
+    A stiffer spring is hardly stretched before the part slides: these are bristles of friction, and
+    no part of the mass. A softer one holds the carriage, for the part sticks all along.
     """
     unseen = max(STRETCHED * spans.resolution_m, UNSEEN_PART * spans.unseen_way_m, 1e-12)
-    return math.sqrt(friction_m_s2 / unseen) / (2.0 * math.pi)
+    most = max(STRETCHED_MOST * spans.travel_m, unseen)
+    softest, stiffest = (math.sqrt(friction_m_s2 / way) / (2.0 * math.pi) for way in (most, unseen))
+    return softest, stiffest
+
+
+def _slides_at(frequency_hz: float, friction_m_s2: float, spans: Spans) -> bool:
+    softest, stiffest = _sliding_hz(friction_m_s2, spans)
+    return softest < frequency_hz < stiffest
 
 
 @njit(inline="always")
