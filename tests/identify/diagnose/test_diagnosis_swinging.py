@@ -105,3 +105,9 @@ def test_a_load_on_a_spring_filters_no_noise_however_it_is_shaken(
     )  # fmt: skip
     sprung = plant.run(seed=5, duration_s=8.0)
     assert worse_in_other_direction(model(sprung, mode(15.0, damping_ratio))) is None
+
+
+@pytest.mark.slow
+def test_a_leg_that_swings_is_a_weight_and_nothing_else():
+    found = diagnose_axis(leg(), C1)
+    assert [effect.name for effect in found.effects] == ["gravity"], found.sentence
