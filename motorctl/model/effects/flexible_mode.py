@@ -122,9 +122,7 @@ class FlexibleMode(Effect):
     )
     groups = frozenset({"line_over_time", "resonance"})
     scan_shows_part = True
-    refuted_at_end = MappingProxyType(
-        {"damping_ratio": "either", "frequency_hz": "either", "friction_m_s2": "upper"}
-    )
+    refuted_at_end = MappingProxyType({"damping_ratio": "either", "frequency_hz": "either"})
     may_lack = ("friction_m_s2",)
     revealed_by = ("fast_reversals",)
     Options = FlexibleOptions

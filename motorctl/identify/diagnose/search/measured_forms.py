@@ -86,9 +86,7 @@ def by_simplex(
     if not steps or form.sse <= 0.0:  # a sine meets the very sine that was commanded
         return form
     names = list(steps)
-    every = list(form.effect.steps(spans))
-    ranges = dict(zip(every, option_bounds(form.effect, every, spans), strict=True))
-    bounds = [ranges[name] for name in names]
+    bounds = option_bounds(form.effect, names, spans)
     start = np.array([float(getattr(form.effect.options, name)) for name in names])
     scale = np.array([steps[name] for name in names])
     best = form

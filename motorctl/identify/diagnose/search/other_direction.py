@@ -62,7 +62,7 @@ def worse_in_other_direction(final: Hypothesis) -> tuple[Effect, str] | None:
         asked = stiff & (hz > above_hz) & (hz < signals.band_hz)
         with_it = _missed(final, effect, inertia, asked)
         rigid = _missed(rest, effect, _inertia(rest, effect, hz), asked)
-        if with_it > WORSE * rigid > 0.0 and _noise(rest, asked) > NOISY * rigid:
+        if with_it > WORSE * rigid > 0.0 and _noise(rest, hz, asked) > NOISY * rigid:
             return effect, (
                 f"{effect.name} is refuted: above {above_hz:.3g} Hz it meets the command better, "
                 "but the acceleration that follows from the command leaves "
@@ -84,12 +84,11 @@ def _inertia(model: Hypothesis, effect: Effect, hz: Array) -> ComplexArray:
     return inertia
 
 
-def _noise(model: Hypothesis, asked: NDArray[np.bool_]) -> float:
+def _noise(model: Hypothesis, hz: Array, asked: NDArray[np.bool_]) -> float:
     """Return the part of the squared acceleration that is the encoder's noise."""
     signals, rows = model.regressors.signals, model.problem.joined(model.regressors.signals.rows)
     acceleration = np.abs(np.fft.rfft(rows[0])[asked]) ** 2
-    hz = np.fft.rfftfreq(signals.rows, signals.row_period_s)[asked]
-    density = (2.0 * math.pi * hz) ** 4 * signals.position_noise
+    density = (2.0 * math.pi * hz[asked]) ** 4 * signals.position_noise
     # one-sided density of a record: 2 |FFT|^2 / (rows * rate)
     scale = 2.0 * signals.row_period_s / signals.rows
     return float(density.sum() / (scale * acceleration.sum()))
