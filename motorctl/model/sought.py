@@ -72,6 +72,8 @@ class Sought(ABC):
     usual: ClassVar[Mapping[str, float]] = MappingProxyType({})
     """Parameters of an input effect whose value is known before any recording: taken where the rows
     at hand hardly show the effect."""
+    corner_is: ClassVar[str] = ""
+    """Of a friction with a `corner`: why that form is no effect, after "it is refuted: "."""
     revealed_by: ClassVar[tuple[Motion, ...]] = ()
     """Motions that show it and tell it from others, besides moves all over the travel."""
 

@@ -46,6 +46,10 @@ class Stribeck(Effect):
         "slow travel in both directions, at several constant speeds below and around v_s "
         "(a thousandth to a tenth of the top speed), not only reversals"
     )
+    corner_is = (
+        "it decays within the speeds in which friction turns over, as the corner of a friction of "
+        "another shape does. Slower reversals would tell the two apart"
+    )
     groups = frozenset({"friction"})
     ordinary = True
     # how sharply it decays says little beside the speed: a sharper one is the same effect

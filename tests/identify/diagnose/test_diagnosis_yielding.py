@@ -12,7 +12,9 @@ from other_plant import OtherPlant
 from motorctl.identify.columns.signals import make_signals
 from motorctl.identify.diagnose.recording import diagnose_axis
 from motorctl.identify.diagnose.search.declared_shape import turning_over
+from motorctl.identify.diagnose.search.forms import is_corner
 from motorctl.identify.diagnose.search.hypothesis import Hypothesis
+from motorctl.identify.diagnose.search.measured_forms import measure
 from motorctl.identify.diagnose.search.search import whitened
 from motorctl.identify.diagnose.verdict.yielding import YIELDS, yielding
 from motorctl.model import effect_class, make_effect
@@ -95,6 +97,14 @@ def test_rises_of_a_noisy_command_are_no_rises_of_friction():
     data = axis(bends=True)
     noise = np.random.default_rng(1).normal(0.0, 3.0, len(data.command))
     assert seen(replace(data, command=data.command + noise)) is None
+
+
+@pytest.mark.parametrize(("bends", "displacement_m"), [(True, BENDS_M), (False, 1e-6)])
+def test_bending_by_next_to_nothing_explains_dry_friction_and_no_other(bends, displacement_m):
+    form = BENDING.with_options(displacement_m=displacement_m)
+    regressors, _ = whitened(make_signals(axis(bends), slope_s_m=900.0), C1, (form,))
+    hypothesis = Hypothesis(regressors).refreshed()
+    assert is_corner(hypothesis, measure(hypothesis, form)) != bends
 
 
 @pytest.mark.slow

@@ -1,8 +1,9 @@
 """Effects that are the corner of any friction once its own shape has been fitted.
 
 Where friction turns over within a band of speeds, what decays within that band as well is no effect
-of its own: it is the shape of the corner. That is asked before an effect is taken, and once more
-beside the friction that was mended for what was taken later.
+of its own: it is the shape of the corner. So is friction that would bend, where bending by next to
+nothing explains as much. That is asked before an effect is taken, and once more beside the friction
+that was mended for what was taken later.
 """
 
 from __future__ import annotations
@@ -20,9 +21,5 @@ def corner_of_friction(final: Hypothesis) -> tuple[Effect, str] | None:
             continue
         form = Form(effect, final.solution.sse, final.held_out)
         if is_corner(final.without(effect.name).refreshed(), form):
-            return effect, (
-                f"{effect.name} is refuted: it decays within the speeds in which friction turns "
-                "over, as the corner of a friction of another shape does. Slower reversals would "
-                "tell the two apart"
-            )
+            return effect, f"{effect.name} is refuted: {effect.corner_is}"
     return None
