@@ -25,6 +25,7 @@ from motorctl.cache_folder import cache_root
 from motorctl.errors import RunError
 from motorctl.kernels.checked_files import files_checked
 from motorctl.kernels.digest import digest_of_file
+from motorctl.kernels.parsed_sources import parsed_folder
 
 UNUSED_DAYS = 30.0
 """Compiled code that no start has asked for so long is removed."""
@@ -150,6 +151,8 @@ def _tidy_up() -> None:
         _tidied.append(True)
         _remove_unused(compiled_folder())
         _remove_unused(generated_folder())
+        if parsed_folder().exists():
+            _remove_unused(parsed_folder())
 
 
 def _remove_unused(parent: Path) -> None:

@@ -12,21 +12,19 @@ environment, is not seen: kernels must not use any.
 
 from __future__ import annotations
 
-import ast
 import hashlib
 import importlib.util
 import platform
 import sys
 import time
-from collections.abc import Iterator
-from dataclasses import dataclass
-from functools import cache
 from pathlib import Path
 from typing import Any
 
 import llvmlite  # type: ignore[import-untyped]
 import numba
 import numpy as np
+
+from motorctl.kernels.parsed_sources import Said, said_by_source
 
 FORM = 4
 """To be raised when what is compiled depends on changes outside of the kernels' sources."""
@@ -74,31 +72,9 @@ LIBRARIES = frozenset(
 sources take many seconds to read."""
 
 
-@dataclass(frozen=True)
-class _Import:
-    """One imported name: of a module, or of something in it."""
-
-    bound: str
-    module: str
-    name: str = ""
-    """What of the module; "" for the module itself, "*" for all that is in it."""
-
-
-@dataclass(frozen=True)
-class _Source:
-    """What a module's source says."""
-
-    digest: bytes
-    imports: tuple[_Import, ...]
-    used: frozenset[str]
-    """Names that stand in the code, annotations of functions aside."""
-    hands_on: bool
-    """Whether it does nothing but import names for others."""
-
-
 def digest_of_source(source: str) -> str:
     """Return 16 hexadecimal digits for a source and all that it imports."""
-    return _Followed().digest("", _read(source.encode(), ""))
+    return _Followed().digest("", said_by_source(source.encode(), ""))
 
 
 def digest_of_file(name: str, path: Path) -> tuple[str, bool]:
@@ -120,7 +96,7 @@ def digest_of_file(name: str, path: Path) -> tuple[str, bool]:
         the one before. A generated module's name says what it holds.
     """
     followed = _Followed()
-    digest = followed.digest(name, _read(path.read_bytes(), _package(name, path)))
+    digest = followed.digest(name, said_by_source(path.read_bytes(), _package(name, path)))
     own_ns = 0 if name.startswith(GENERATED) else path.stat().st_ctime_ns
     return digest, max(own_ns, followed.written_ns) <= _BEGAN_NS
 
@@ -134,7 +110,7 @@ class _Followed:
         self.written_ns = 0
         """When the last of the imported files was written."""
 
-    def digest(self, name: str, source: _Source) -> str:
+    def digest(self, name: str, source: Said) -> str:
         """Return the digest of a module and of what it reaches."""
         self._take(name, source, "*")
         whole = hashlib.sha256(repr(COMPILER).encode())
@@ -151,7 +127,7 @@ class _Followed:
         if path is None:
             self._found[module.partition(".")[0]] = _version_of(module).encode()
             return
-        source = _read(path.read_bytes(), _package(module, path))
+        source = said_by_source(path.read_bytes(), _package(module, path))
         if not module.startswith(GENERATED):
             self.written_ns = max(self.written_ns, path.stat().st_ctime_ns)
         if name == "*" or not source.hands_on:
@@ -165,7 +141,7 @@ class _Followed:
             if _file_of(part):
                 self._follow(part, "*")
 
-    def _take(self, module: str, source: _Source, name: str) -> None:
+    def _take(self, module: str, source: Said, name: str) -> None:
         self._found[module] = source.digest
         for entry in source.imports:
             if name in ("*", entry.bound) or entry.name == "*" or entry.bound in source.used:
@@ -207,55 +183,3 @@ def _file_of(module: str) -> Path | None:
 
 def _package(name: str, path: Path) -> str:
     return name if path.name == "__init__.py" else name.rpartition(".")[0]
-
-
-@cache
-def _read(content: bytes, package: str) -> _Source:
-    tree = _Plain().visit(ast.parse(content))
-    return _Source(
-        digest=hashlib.sha256(ast.dump(tree).encode()).digest(),
-        imports=tuple(_imports(tree, package)),
-        used=frozenset(node.id for node in ast.walk(tree) if isinstance(node, ast.Name)),
-        hands_on=all(isinstance(node, ast.ImportFrom) or _names_all(node) for node in tree.body),
-    )
-
-
-class _Plain(ast.NodeTransformer):
-    """Leaves out what does not change compiled code."""
-
-    def visit(self, node: ast.AST) -> Any:
-        if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef):
-            del node.body[: ast.get_docstring(node, clean=False) is not None]
-        if isinstance(node, ast.FunctionDef):
-            node.returns = None
-        elif isinstance(node, ast.arg):
-            node.annotation = None
-        return self.generic_visit(node)
-
-
-def _imports(tree: ast.AST, package: str) -> Iterator[_Import]:
-    for node in ast.walk(tree):
-        if isinstance(node, ast.Import):
-            for alias in node.names:
-                yield _Import(alias.asname or alias.name.partition(".")[0], alias.name)
-        elif isinstance(node, ast.ImportFrom):
-            module = _absolute(node, package)
-            for alias in node.names:
-                yield _Import(alias.asname or alias.name, module, alias.name)
-
-
-def _absolute(node: ast.ImportFrom, package: str) -> str:
-    if not node.level:
-        return node.module or ""
-    base = package.split(".")
-    base = base[: len(base) - node.level + 1]
-    return ".".join([*base, *([node.module] if node.module else [])])
-
-
-def _names_all(node: ast.stmt) -> bool:
-    return (
-        isinstance(node, ast.Assign)
-        and len(node.targets) == 1
-        and isinstance(node.targets[0], ast.Name)
-        and node.targets[0].id == "__all__"
-    )

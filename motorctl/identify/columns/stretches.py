@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +13,7 @@ from motorctl.identify.columns.filters import second_difference
 from motorctl.identify.columns.measured import Measured
 from motorctl.identify.columns.position_noise import velocity_band_hz
 from motorctl.model import Effect, EffectList
-from motorctl.model.columns import error_columns, input_columns, state_columns
+from motorctl.model.columns import error_columns, input_columns, state_columns, uses_acceleration
 
 Array = NDArray[np.float64]
 
@@ -51,11 +51,23 @@ class Stretch:
     """(N, 3) motion of each other axis."""
     quiet: Array
     """The velocity that friction depends on."""
+    _thinned: dict[int, tuple[Array, ...]] = field(
+        default_factory=dict, init=False, repr=False, compare=False
+    )
+    """By step, what `thinned` returns: a search asks for it with every form."""
 
     def part(self, rows: slice) -> Stretch:
         """Return some of the samples."""
-        own = {name: signal[rows] for name, signal in vars(self).items() if name != "others"}
+        apart = ("others", "_thinned")
+        own = {name: signal[rows] for name, signal in vars(self).items() if name not in apart}
         return Stretch(**own, others={name: motion[rows] for name, motion in self.others.items()})
+
+    def thinned(self, step: int) -> tuple[Array, ...]:
+        """Return x, v, no acceleration, quiet and time of each step-th sample, (n,) each."""
+        if step not in self._thinned:
+            signals = (self.x, self.v, np.zeros_like(self.x), self.quiet, self.time_s)
+            self._thinned[step] = tuple(np.ascontiguousarray(s[::step]) for s in signals)
+        return self._thinned[step]
 
     def columns(
         self,
@@ -77,13 +89,14 @@ class Stretch:
         step
             Decimation at which they are formed.
         """
-        x, v, quiet, t = (signal[::step] for signal in (self.x, self.v, self.quiet, self.time_s))
+        x, v, a, quiet, t = self.thinned(step)
         if effect.kind == "measurement":
             return error_columns(effect, x)
         if effect.kind == "input":
             u = self.command if command is None else command
             return input_columns(effect, u[::step], x, quiet, t)
-        a = np.zeros_like(x) if acceleration is None else acceleration[::step]
+        if acceleration is not None and uses_acceleration(effect):
+            a = acceleration[::step]
         return state_columns(effect, x, v, a, quiet, t, self.beside(effect, step))
 
     def beside(self, effect: Effect, step: int = 1) -> Array:

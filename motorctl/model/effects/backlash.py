@@ -237,25 +237,28 @@ def advance(
     steps = int(min(max(math.ceil(dt * c[4]), 1.0), MOST_STEPS))
     h = dt / steps
     brake, slowed = c[1] * h, 1.0 / (1.0 + c[5] * h)
-    held = 1.0 + h * c[3] + h * h * c[2]
+    share = 1.0 / (1.0 + h * c[3] + h * h * c[2])
+    stiff, damped = share * h * c[2], share * h * c[3]
     # the velocity's straight line misses the position by so much a step
     drift = (x - w[1] - 0.5 * (v + w[2]) * dt) / steps
-    push = 0.0
+    faster = (v - w[2]) / steps
+    push, way, p, fixed_way, fixed_p = 0.0, w[3], w[4], w[5], w[6]
     for k in range(steps):
-        u = w[2] + (v - w[2]) * (k + 0.5) / steps
-        ahead = w[3] + drift + h * u
-        p, push = w[4], 0.0
+        u = w[2] + faster * (k + 0.5)
+        moved = drift + h * u
+        ahead, push = way + moved, 0.0
         depth = ahead - h * p
         if abs(depth) > c[0]:
-            after = (p + h * (c[2] * (ahead - math.copysign(c[0], depth)) + c[3] * u)) / held
+            after = share * p + stiff * (ahead - math.copysign(c[0], depth)) + damped * u
             if (after - p) * depth > 0.0:  # flanks push, they do not pull
                 push = after - p
                 p = after
-        w[4] = slowed * _braked(p, brake)
-        w[3] = ahead - h * w[4]
-        ahead = w[5] + drift + h * u
-        after = (w[6] + h * (c[2] * ahead + c[3] * u)) / held
-        push -= after - w[6]
-        w[6] = slowed * _braked(after, brake)
-        w[5] = ahead - h * w[6]
+        p = slowed * _braked(p, brake)
+        way = ahead - h * p
+        ahead = fixed_way + moved
+        after = share * fixed_p + stiff * ahead + damped * u
+        push -= after - fixed_p
+        fixed_p = slowed * _braked(after, brake)
+        fixed_way = ahead - h * fixed_p
     w[0], w[1], w[2] = push / h, x, v
+    w[3], w[4], w[5], w[6] = way, p, fixed_way, fixed_p

@@ -238,7 +238,12 @@ def search(
     regressors, noise = whitened(signals, declared, added, side, catalogue)
     hypothesis = Hypothesis(regressors).refreshed()
     rivals: dict[str, list[type[Effect]]] = {}
+    been: set[tuple[str, ...]] = set()
     for _ in range(MOST_ROUNDS):
+        state = (f"{hypothesis.held_out:.9g}", *(effect.name for effect in added))
+        if state in been:
+            break  # one gives way to the other, and would for ever
+        been.add(state)
         if added and hypothesis.solution.sse < DOWN_TO_NOISE * hypothesis.noise_sse(noise):
             break
         tell(f"effect {len(added) + 1}: trying what the model lacks")
