@@ -219,16 +219,20 @@ def test_a_generated_module_has_another_name_where_it_does_something_else():
 def test_a_changed_option_is_compiled_and_what_nobody_used_for_a_month_removed(plant, tmp_path):
     assert plant.pull() == "7.0 0"
     (used,) = (tmp_path / "motorctl" / "compiled").glob("plant.kernels-*")
+    parsed = tmp_path / "motorctl" / "parsed"
     ages_days = {"recent": UNUSED_DAYS - 1.0, "old": UNUSED_DAYS + 1.0}
     for name, days in ages_days.items():
         (used.parent / name).mkdir()
+        (parsed / name).touch()
         then = time.time() - days * 86400.0
-        os.utime(used.parent / name, (then, then))
+        for unused in (used.parent / name, parsed / name):
+            os.utime(unused, (then, then))
     plant.edit("options.py", "2.0", "3.0")
     assert plant.pull() == "10.0 0"
-    left = {folder.name for folder in used.parent.iterdir()}
-    assert {used.name, "recent"} < left
-    assert "old" not in left
+    for folder, kept in ((used.parent, {used.name, "recent"}), (parsed, {"recent"})):
+        left = {entry.name for entry in folder.iterdir()}
+        assert kept < left
+        assert "old" not in left
 
 
 def test_a_module_that_fails_is_tried_afresh():
