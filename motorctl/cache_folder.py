@@ -1,4 +1,4 @@
-"""Where motorctl keeps what it can make again: compiled kernels."""
+"""Where motorctl keeps what it can make again: compiled kernels, and what their sources say."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from pathlib import Path
 
 
 def cache_root() -> Path:
-    """Return the folder for compiled kernels.
+    """Return the folder for what can be made again.
 
     Returns
     -------

@@ -28,10 +28,10 @@ from motorctl.kernels.digest import digest_of_file
 from motorctl.kernels.parsed_sources import parsed_folder
 
 UNUSED_DAYS = 30.0
-"""Compiled code that no start has asked for so long is removed."""
+"""What no start has asked for so long is removed."""
 LARGEST_BYTES = 1 << 30
-"""Beyond this size what was unused for longest is removed first. A machine's kernels take about
-2 MB; the whole test suite's 300 MB."""
+"""Beyond this size of a folder what was unused for longest is removed first. A machine's kernels
+take about 2 MB; the whole test suite's 300 MB."""
 KEPT_DAYS = 1.0
 """Nothing is removed that was used so recently: another process may be working with it."""
 DAY_S = 86400.0

@@ -85,6 +85,8 @@ def _kept(file: Path) -> Said | None:
         return None
     if checksum != _checksum(text):
         return None
+    with suppress(OSError):  # another user's folder may be read only
+        os.utime(file)  # in use: not to be removed as old
     digest, imports, used, hands_on = json.loads(text)
     entries = tuple(Import(*entry) for entry in imports)
     return Said(bytes.fromhex(digest), entries, frozenset(used), hands_on)
@@ -95,8 +97,12 @@ def _keep(said: Said, file: Path) -> None:
     text = json.dumps((*kept, said.hands_on)).encode()
     file.parent.mkdir(parents=True, exist_ok=True)
     written = file.with_name(f"{file.name}.tmp.{os.getpid()}")
-    written.write_bytes(_checksum(text) + b"\n" + text)
-    written.replace(file)
+    try:
+        written.write_bytes(_checksum(text) + b"\n" + text)
+        written.replace(file)
+    except OSError:
+        written.unlink(missing_ok=True)
+        raise
 
 
 def _checksum(text: bytes) -> bytes:

@@ -72,8 +72,9 @@ class Sought(ABC):
     usual: ClassVar[Mapping[str, float]] = MappingProxyType({})
     """Parameters of an input effect whose value is known before any recording: taken where the rows
     at hand hardly show the effect."""
-    corner_is: ClassVar[str] = ""
-    """Of a friction with a `corner`: why that form is no effect, after "it is refuted: "."""
+    corner_is: ClassVar[str] = "that is only how friction turns over at rest"
+    """What the form of its `corner` is, and what would tell the two apart: told where it is refuted
+    for that."""
     revealed_by: ClassVar[tuple[Motion, ...]] = ()
     """Motions that show it and tell it from others, besides moves all over the travel."""
 
@@ -222,8 +223,8 @@ class Sought(ABC):
     def corner(self) -> Effect | None:
         """Return the form of a friction that is but its corner at rest; None: it has none.
 
-        How any friction turns over at zero speed is mended first. Where this form explains nearly
-        as much as the effect itself, nothing else was seen, and the effect is not named.
+        At zero speed, or where it turns round: that is mended first. Where this form explains
+        nearly as much as the effect itself, nothing else was seen, and the effect is not named.
         """
         return None
 

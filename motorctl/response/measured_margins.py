@@ -8,6 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from motorctl.config.analysis import sign_changes
+
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
@@ -40,11 +42,12 @@ def measured_margins(frequency_hz: Array, loop: ComplexArray) -> MeasuredMargins
     angle = np.unwrap(np.angle(loop))
     crossings = [
         (math.exp(_between(log_hz, k, share)), math.degrees(_between(angle, k, share)))
-        for k, share in _zeros(log_size)
+        for k, share in zip(*sign_changes(log_size), strict=True)
     ]
     margins = [(hz, (degrees + 360.0) % 360.0 - 180.0) for hz, degrees in crossings]
     crossover, phase = min(margins, key=lambda pair: abs(pair[1]), default=(None, None))
-    real = [_between(loop.real, k, share) for k, share in _zeros(loop.imag)]
+    crossed = zip(*sign_changes(loop.imag), strict=True)
+    real = [_between(loop.real, k, share) for k, share in crossed]
     inside = [-1.0 / r for r in real if -1.0 < r < 0.0]
     sensitivity = np.abs(1.0 / (1.0 + loop))
     worst = int(np.argmax(sensitivity))
@@ -57,11 +60,5 @@ def measured_margins(frequency_hz: Array, loop: ComplexArray) -> MeasuredMargins
     )
 
 
-def _zeros(values: Array) -> list[tuple[int, float]]:
-    """Return after which values the sign changes, and at which share of the way to the next."""
-    at = np.flatnonzero(np.signbit(values[:-1]) != np.signbit(values[1:]))
-    return [(int(k), float(values[k] / (values[k] - values[k + 1]))) for k in at]
-
-
-def _between(values: Array, k: int, share: float) -> float:
+def _between(values: Array, k: np.intp, share: float) -> float:
     return float(values[k] + share * (values[k + 1] - values[k]))

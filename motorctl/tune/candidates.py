@@ -24,6 +24,7 @@ from motorctl.config.analysis import (
     LoopGains,
     LoopMargins,
     is_stable,
+    sign_changes,
 )
 from motorctl.control import CommandFilter
 
@@ -202,10 +203,9 @@ def _phase_margin(log_size: Array, angle: Array, error: Array, w: Array) -> tupl
 
     Less what the plant's relative error turns the loop by; and where that is [rad/s].
     """
-    at = np.flatnonzero(np.signbit(log_size[:-1]) != np.signbit(log_size[1:]))
+    at, share = sign_changes(log_size)
     if not len(at):
         return math.nan, math.nan
-    share = log_size[at] / (log_size[at] - log_size[at + 1])
     crossing = np.degrees(angle[at] + share * (angle[at + 1] - angle[at]))
     margins = (crossing + 180.0 + 180.0) % 360.0 - 180.0
     turned = np.degrees(np.arcsin(np.minimum(np.maximum(error[at], error[at + 1]), 1.0)))
@@ -220,8 +220,7 @@ def _gain_margins(once: ComplexArray, ks: Array, error: Array) -> tuple[Array, A
     Less what the plant's relative error may have made of it already.
     """
     imag, real = once.imag, once.real
-    at = np.flatnonzero(np.signbit(imag[:-1]) != np.signbit(imag[1:]))
-    share = imag[at] / (imag[at] - imag[at + 1])
+    at, share = sign_changes(imag)
     crossing = real[at] + share * (real[at + 1] - real[at])
     limits = -1.0 / crossing[crossing < 0.0]  # the gains at which the loop passes -1
     spare = 1.0 + np.maximum(error[at], error[at + 1])[crossing < 0.0]

@@ -1,5 +1,6 @@
 """The analysis against the published figures, analytic answers and the loop in time."""
 
+import cmath
 import math
 
 import numpy as np
@@ -8,10 +9,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from motorctl.config.analysis import (
+    DelayedPlant,
+    LoopGains,
     command_peak,
     corner_slopes,
     gain_condition,
     loop_margins,
+    open_loop,
     required_command,
     required_ks1,
     smallest_slope,
@@ -109,6 +113,29 @@ def test_the_phase_margin_is_the_delay_that_the_loop_bears(theta1, theta2, ks, d
     bears = math.radians(margins.phase_margin_deg) / margins.crossover_rad_s
     assert loop_margins(theta1, theta2, **gains, delay_s=delay + 0.98 * bears).stable
     assert not loop_margins(theta1, theta2, **gains, delay_s=delay + 1.02 * bears).stable
+
+
+@settings(max_examples=25)
+@given(
+    theta1=st.floats(0.05, 1.0),
+    theta2=st.floats(0.0, 1.0),
+    ks=st.floats(20.0, 150.0),
+    delay=st.floats(0.0, 4e-4),
+)
+def test_at_the_margins_the_loop_passes_one_and_minus_one(theta1, theta2, ks, delay):
+    gains = LoopGains(250.0, ks, ks)
+    plant = DelayedPlant((theta1, theta2, 0.0), TS, delay)
+    margins = loop_margins(
+        theta1, theta2, k1_1_s=250.0, ks_v_s_m=ks, gamma_d=ks, period_s=TS, delay_s=delay
+    )
+    if not margins.stable:
+        return
+    at = open_loop(plant, gains, np.array([margins.crossover_rad_s]))[0]
+    assert abs(at) == pytest.approx(1.0, abs=1e-6)
+    assert cmath.phase(-at) == pytest.approx(math.radians(margins.phase_margin_deg), abs=1e-6)
+    w = np.geomspace(10.0, math.pi / TS, 100_000)[:-1]
+    loop = margins.gain_margin * open_loop(plant, gains, w)
+    assert np.min(np.abs(loop + 1.0)) < 1e-3
 
 
 def test_slow_loops_have_the_margins_of_continuous_time():

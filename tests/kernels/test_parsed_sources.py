@@ -1,6 +1,8 @@
 """What sources say is parsed once, and what is kept of it is used only as it was written."""
 
 import ast
+import os
+import time
 
 import pytest
 from hypothesis import given, settings
@@ -42,6 +44,14 @@ def test_a_source_is_parsed_at_the_first_start_alone(monkeypatch):
     assert {"numpy", "level", "v"} <= first.used
     monkeypatch.setattr(ast, "parse", None)
     assert at_next_start() == first
+
+
+def test_what_is_used_does_not_grow_old():
+    at_next_start()
+    (kept,) = parsed_folder().iterdir()
+    os.utime(kept, (1.0, 1.0))
+    at_next_start()
+    assert time.time() - kept.stat().st_mtime < 60.0
 
 
 def test_another_package_or_one_more_character_is_another_source():

@@ -16,6 +16,7 @@ from motorctl.config.analysis.sampled_loop import (
     is_stable,
     open_loop,
 )
+from motorctl.config.analysis.sign_changes import sign_changes
 
 __all__ = [
     "CommandPeak",
@@ -34,5 +35,6 @@ __all__ = [
     "open_loop",
     "required_command",
     "required_ks1",
+    "sign_changes",
     "smallest_slope",
 ]

@@ -8,7 +8,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from motorctl.config.analysis.sampled_loop import (
     Array,
@@ -17,11 +16,14 @@ from motorctl.config.analysis.sampled_loop import (
     is_stable,
     open_loop,
 )
+from motorctl.config.analysis.sign_changes import sign_changes
 from motorctl.control import CommandFilter
 
 GRID = 2000
 CLOSER = 200
-"""Frequencies looked at between two of the grid where the loop crosses."""
+"""Frequencies looked at between two of the grid where the loop crosses. Larger takes time, smaller
+is less exact. Arithmetic: two of the grid are 0.6 % apart, so these are 3e-5 apart, and a chord is
+off by the square of that."""
 SLOWEST = 1e-5
 """Lowest frequency looked at, as a fraction of the Nyquist frequency."""
 
@@ -115,20 +117,16 @@ def loop_margins(
 
 
 def _zeros(x: Array, y: Array, function: Callable[[Array], Array]) -> list[float]:
-    """Return the places of every change of sign of samples y(x), each looked at once more.
+    """Return where samples y(x) change their sign: by the chord of a closer look at each place.
 
-    A chord between samples this close is exact to nine digits, and a start need not load scipy's
-    optimisers for it.
+    As close as that, a chord is exact to 1e-7 of x, and to 3e-5 at the peak of a spring without
+    damping. A start need not load scipy's optimisers for it.
     """
     found = []
-    for k in _changes(y):
+    for k, share in zip(*sign_changes(y), strict=True):
         between = np.linspace(x[k], x[k + 1], CLOSER)
-        values = function(between)
-        for i in _changes(values):
-            share = values[i] / (values[i] - values[i + 1])
-            found.append(float(between[i] + share * (between[i + 1] - between[i])))
+        near, shares = sign_changes(function(between))
+        if not len(near):  # the sign of an end is that of its rounding
+            near, shares, between = np.array([0]), np.array([share]), x[k : k + 2]
+        found += [float(z) for z in between[near] + shares * (between[near + 1] - between[near])]
     return found
-
-
-def _changes(y: Array) -> NDArray[np.intp]:
-    return np.flatnonzero(np.signbit(y[:-1]) != np.signbit(y[1:]))

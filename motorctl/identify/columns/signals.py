@@ -58,6 +58,9 @@ longer, so more rows are dropped at the ends; larger asks for a higher row rate.
 ROWS_PER_BAND = 3.0
 """Row rate in multiples of the band. Below 2 EDGE = 2.5 the edge aliases (Nyquist); larger repeats
 what neighbouring rows say and takes time. Arithmetic, with room chosen by hand."""
+KEPT_FADES = 8
+"""Fades that are kept: as many rates and bands are looked at in turn. More take memory, fewer are
+formed anew with every column. Chosen by hand."""
 FADES_FROM = 0.25
 """Part of the unused ends of a stretch that is left out wholly before it fades in. Larger fades in
 more abruptly, smaller lets the ends' errors in. Chosen by hand."""
@@ -343,7 +346,7 @@ class Signals(Rows[Spectrum]):
         return self._gains[key]
 
 
-@lru_cache(maxsize=8)
+@lru_cache(maxsize=KEPT_FADES)
 def _fading_in(samples: int) -> Array:
     """Return what fades a stretch in, and out, over the ends that no row uses, (samples,).
 

@@ -13,7 +13,7 @@ from motorctl.identify.columns.filters import second_difference
 from motorctl.identify.columns.measured import Measured
 from motorctl.identify.columns.position_noise import velocity_band_hz
 from motorctl.model import Effect, EffectList
-from motorctl.model.columns import error_columns, input_columns, state_columns, uses_acceleration
+from motorctl.model.columns import error_columns, input_columns, state_columns
 
 Array = NDArray[np.float64]
 
@@ -63,9 +63,9 @@ class Stretch:
         return Stretch(**own, others={name: motion[rows] for name, motion in self.others.items()})
 
     def thinned(self, step: int) -> tuple[Array, ...]:
-        """Return x, v, no acceleration, quiet and time of each step-th sample, (n,) each."""
+        """Return x, v, quiet and time of each step-th sample, (n,) each; not to be written to."""
         if step not in self._thinned:
-            signals = (self.x, self.v, np.zeros_like(self.x), self.quiet, self.time_s)
+            signals = (self.x, self.v, self.quiet, self.time_s)
             self._thinned[step] = tuple(np.ascontiguousarray(s[::step]) for s in signals)
         return self._thinned[step]
 
@@ -89,14 +89,13 @@ class Stretch:
         step
             Decimation at which they are formed.
         """
-        x, v, a, quiet, t = self.thinned(step)
+        x, v, quiet, t = self.thinned(step)
         if effect.kind == "measurement":
             return error_columns(effect, x)
         if effect.kind == "input":
             u = self.command if command is None else command
             return input_columns(effect, u[::step], x, quiet, t)
-        if acceleration is not None and uses_acceleration(effect):
-            a = acceleration[::step]
+        a = np.zeros_like(x) if acceleration is None else acceleration[::step]
         return state_columns(effect, x, v, a, quiet, t, self.beside(effect, step))
 
     def beside(self, effect: Effect, step: int = 1) -> Array:

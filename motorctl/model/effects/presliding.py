@@ -30,18 +30,20 @@ LONGEST_PART = 5e-3
 that is more. Larger takes a spring for friction, smaller misses soft contacts on short travel.
 Chosen by hand."""
 
+LEAST_M = 1e-12
+"""Least displacement that can be declared: any other would do that no machine has. Convention."""
 SOONER = 0.03
 """Displacement of a friction that is dry for all that a recording shows, over the one that was
 found. Larger doubts displacements that are known to a few tenths, smaller names those of which only
-an upper limit is known. Chosen by hand on machines of other hands: with a thirtieth, what is there
-takes -27 to 0.54 of what it took, dry friction 0.97 and 0.995."""
+an upper limit is known. Chosen by hand on machines of other hands: with that little, bristles that
+are there take no more than 0.54 of what they took, dry friction 0.97 and 0.995."""
 
 
 class PreslidingOptions(SlopeOptions):
     """How far the contact yields before it slides."""
 
     displacement_m: float = Field(
-        ge=1e-12,
+        ge=LEAST_M,
         allow_inf_nan=False,
         description="x_s: motion over which a reversal of the friction takes place",
     )
@@ -69,8 +71,8 @@ class Presliding(Effect):
     scan_shows_part = True
     refuted_at_end = MappingProxyType({"displacement_m": "either"})
     corner_is = (
-        f"turning over within {100.0 * SOONER:g} % of its displacement explains as much, as dry "
-        "friction does, which sticks and lets go at once"
+        f"with {100.0 * SOONER:g} % of its displacement it is friction that is dry, which sticks "
+        "and lets go at once. Shorter strokes, or a finer encoder, would tell the two apart"
     )
     revealed_by = ("slow_reversals",)
     Options = PreslidingOptions
@@ -125,7 +127,8 @@ class Presliding(Effect):
 
     def corner(self) -> Effect | None:
         """Return the form that turns over at once, as friction does that does not bend."""
-        return self.with_options(displacement_m=SOONER * self.options.displacement_m)
+        sooner = SOONER * self.options.displacement_m
+        return self.with_options(displacement_m=sooner) if sooner >= LEAST_M else None
 
 
 @njit(inline="always")

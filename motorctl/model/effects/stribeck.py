@@ -47,8 +47,8 @@ class Stribeck(Effect):
         "(a thousandth to a tenth of the top speed), not only reversals"
     )
     corner_is = (
-        "it decays within the speeds in which friction turns over, as the corner of a friction of "
-        "another shape does. Slower reversals would tell the two apart"
+        "decaying within the speeds in which friction turns over it is the corner of a friction of "
+        "another shape. Slower reversals would tell the two apart"
     )
     groups = frozenset({"friction"})
     ordinary = True

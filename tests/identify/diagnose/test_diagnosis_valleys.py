@@ -9,10 +9,11 @@ from fit_plant import C1
 from motorctl.identify.columns.measured import Measured
 from motorctl.identify.columns.signals import make_signals
 from motorctl.identify.columns.spans import spans_of
-from motorctl.identify.diagnose.search.evolution import evolved
+from motorctl.identify.diagnose.search import evolution
+from motorctl.identify.diagnose.search.evolution import EARLY, MEMBERS, evolved
 from motorctl.identify.diagnose.search.forms import best_form, refined
 from motorctl.identify.diagnose.search.hypothesis import Hypothesis
-from motorctl.identify.diagnose.search.measured_forms import by_simplex
+from motorctl.identify.diagnose.search.measured_forms import by_simplex, measure
 from motorctl.identify.diagnose.search.search import whitened
 from motorctl.model import effect_class, make_effect
 from motorctl.model.columns import state_columns
@@ -61,6 +62,20 @@ def test_a_gap_is_found_where_a_single_search_would_stop_beside_it():
     assert found.held_out < 0.2 * alone.held_out
     assert found.effect.options.gap_m == pytest.approx(GAP_M, rel=0.15)
     assert found.effect.options.glide_m_s2 == pytest.approx(0.5, rel=0.15)
+
+
+def test_evolution_ends_early_where_too_little_shows(monkeypatch):
+    monkeypatch.setattr(evolution, "SHOWS", 0.0)  # of what is left below the low band: nothing does
+    signals = make_signals(behind_a_gap(), None, slope_s_m=900.0)
+    spans = spans_of(signals)
+    alone = Hypothesis(whitened(signals, C1, ())[0]).refreshed()
+    first = best_form(alone, effect_class("backlash"), spans, None)
+    tried = []
+    monkeypatch.setattr(
+        evolution, "measure", lambda *args, **options: tried.append(1) or measure(*args, **options)
+    )
+    assert evolved(alone, [first], spans) is first
+    assert len(tried) <= MEMBERS * (EARLY + 1) + 1
 
 
 def test_what_evolves_is_the_same_each_time():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -13,6 +14,7 @@ from motorctl.identify.columns.signals import make_signals
 from motorctl.identify.diagnose.recording import diagnose_axis
 from motorctl.identify.diagnose.search.declared_shape import turning_over
 from motorctl.identify.diagnose.search.forms import is_corner
+from motorctl.identify.diagnose.search.friction_corner import corner_of_friction
 from motorctl.identify.diagnose.search.hypothesis import Hypothesis
 from motorctl.identify.diagnose.search.measured_forms import measure
 from motorctl.identify.diagnose.search.search import whitened
@@ -105,6 +107,15 @@ def test_bending_by_next_to_nothing_explains_dry_friction_and_no_other(bends, di
     regressors, _ = whitened(make_signals(axis(bends), slope_s_m=900.0), C1, (form,))
     hypothesis = Hypothesis(regressors).refreshed()
     assert is_corner(hypothesis, measure(hypothesis, form)) != bends
+    refuted = corner_of_friction(hypothesis.plus(form))
+    assert (refuted is None) == bends
+    if refuted:
+        assert refuted[0] == form
+        assert re.search(r"explains 10\d % of what it does .limit 75 %.: .* dry", refuted[1])
+
+
+def test_the_least_displacement_has_no_corner_below():
+    assert BENDING.with_options(displacement_m=1e-12).corner() is None
 
 
 @pytest.mark.slow

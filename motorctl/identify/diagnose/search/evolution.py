@@ -10,11 +10,12 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import ValidationError
-from scipy.optimize import Bounds, OptimizeResult, differential_evolution
+from scipy.optimize import Bounds, differential_evolution
 from scipy.stats import qmc
 
 from motorctl.identify.diagnose.search.hypothesis import Hypothesis, Regressors
@@ -216,8 +217,9 @@ def _evolve(
     def cost(place: Array) -> float:
         return trial.cost(box, place)
 
-    def halted(intermediate_result: OptimizeResult) -> bool:
-        return intermediate_result.nit >= EARLY and intermediate_result.fun > hopeless
+    def go_on(intermediate_result: Any) -> None:
+        if intermediate_result.nit >= EARLY and intermediate_result.fun > hopeless:
+            raise StopIteration  # which is how scipy is told to end
 
     result = differential_evolution(
         cost,
@@ -227,6 +229,6 @@ def _evolve(
         rng=SEED,
         polish=False,
         tol=SETTLED,
-        callback=halted,
+        callback=go_on,
     )
     return box.options(result.x)

@@ -73,7 +73,7 @@ AS_A_CORNER = 0.75
 from which it is that corner. Larger names effects for a friction that is dry or turns over
 otherwise, smaller doubts true ones close to the corner. Chosen by hand on machines of other hands:
 where friction is dry or only steeper than declared it is 0.57 to 0.999, where the effect is there
--0.3 to 0.51."""
+at most 0.54."""
 ONE_LINE = 1.5
 """Width of a spectral line, in cycles over the travel, within which there is no second one. Larger
 hides close orders, smaller finds a line's own shoulder. Chosen by hand: a line's first zero
@@ -190,12 +190,17 @@ def _lacking(hypothesis: Hypothesis, form: Form, spans: Spans) -> Form:
 
 def is_corner(hypothesis: Hypothesis, form: Form) -> bool:
     """Return whether an effect explains hardly more than the corner that any friction has."""
+    return corner_takes(hypothesis, form) > AS_A_CORNER
+
+
+def corner_takes(hypothesis: Hypothesis, form: Form) -> float:
+    """Return what its corner takes away, over what the effect does; 0 where it has none."""
     corner = form.effect.corner()
     found = None if corner is None else measure(hypothesis, corner)
-    if found is None:
-        return False
     taken = hypothesis.held_out - form.held_out
-    return hypothesis.held_out - found.held_out > AS_A_CORNER * taken
+    if found is None or not taken > 0.0:
+        return 0.0
+    return (hypothesis.held_out - found.held_out) / taken
 
 
 def with_orders(hypothesis: Hypothesis, form: Form, spans: Spans) -> Form:

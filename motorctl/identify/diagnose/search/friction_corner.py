@@ -8,7 +8,7 @@ that was mended for what was taken later.
 
 from __future__ import annotations
 
-from motorctl.identify.diagnose.search.forms import is_corner
+from motorctl.identify.diagnose.search.forms import AS_A_CORNER, corner_takes
 from motorctl.identify.diagnose.search.hypothesis import Hypothesis
 from motorctl.identify.diagnose.search.measured_forms import Form
 from motorctl.model import Effect
@@ -20,6 +20,10 @@ def corner_of_friction(final: Hypothesis) -> tuple[Effect, str] | None:
         if effect.corner() is None:
             continue
         form = Form(effect, final.solution.sse, final.held_out)
-        if is_corner(final.without(effect.name).refreshed(), form):
-            return effect, f"{effect.name} is refuted: {effect.corner_is}"
+        share = corner_takes(final.without(effect.name).refreshed(), form)
+        if share > AS_A_CORNER:
+            return effect, (
+                f"{effect.name} is refuted: its corner at rest explains {100.0 * share:.0f} % of "
+                f"what it does (limit {100.0 * AS_A_CORNER:g} %): {effect.corner_is}"
+            )
     return None

@@ -43,6 +43,8 @@ all others 0.91 and more."""
 def motion_band_hz(heard: Hypothesis, widest_hz: float) -> float:
     """Return the band for a diagnosis: that of the signals, or of their motion if far less.
 
+    Where a wave over position shows beyond the motion, the one in which motion outweighs the noise.
+
     Parameters
     ----------
     heard
@@ -63,7 +65,7 @@ def motion_band_hz(heard: Hypothesis, widest_hz: float) -> float:
     if highest > LEAST_PART * widest_hz:
         return widest_hz
     narrow = max(MARGIN * highest, min(NARROWEST_HZ, plain.band_hz))
-    return plain.band_hz if _wave_shows_beyond(narrow, heard) else narrow
+    return plain.band_hz if _wave_shows_beyond(narrow, heard.refreshed()) else narrow
 
 
 def _wave_shows_beyond(band_hz: float, heard: Hypothesis) -> bool:
