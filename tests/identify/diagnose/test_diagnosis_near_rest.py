@@ -102,7 +102,7 @@ def test_an_encoder_too_coarse_for_most_of_a_motion_drops_nothing():
     assert not dropped(STUCK, 1e-3, slowest=0.6).any()
 
 
-GENTLE = [("tanh", 8e-3, 5e-6), ("algebraic", 5e-3, 2e-5), ("clip", 0.05, 5e-6)]
+GENTLE = [("tanh", 8e-3, 5e-6), ("algebraic", 5e-3, 1e-5), ("clip", 0.05, 5e-6)]
 
 
 @pytest.mark.slow
