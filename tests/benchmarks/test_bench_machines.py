@@ -159,6 +159,15 @@ def test_an_answer_is_scored_by_what_may_be_said_of_its_kind(kind, given, right,
     assert truth.judged(given) == judged
 
 
+@pytest.mark.parametrize(("generator", "right"), [("scipy_ode", True), ("mujoco", False)])
+def test_a_current_loop_that_a_generator_simulates_beside_the_limit_is_no_false_name(
+    generator, right
+):
+    """One of 700 Hz is a lag of 0.23 ms: so much was named on such machines."""
+    both = answer("effect", "voltage_clipping", "input_lag")
+    assert truth_of("voltage_clipping", generator).right(both) is right
+
+
 def outcome(kind, given, seed=1, result="answered", name="energy"):
     return MachineOutcome(MachineKey(name, kind, seed), result, given)
 

@@ -51,7 +51,7 @@ class MachineOutcome:
     @property
     def kind(self) -> KindTruth:
         """What may be said of it."""
-        return truth_of(self.key.kind)
+        return truth_of(self.key.kind, self.key.generator)
 
     @property
     def truth(self) -> Truth:

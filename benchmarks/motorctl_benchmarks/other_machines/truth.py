@@ -28,6 +28,11 @@ ALSO_RIGHT = {
 }
 """Names that are right for what its author thought to be without one: a force of one frequency, the
 spindle's changing by less than 0.1 % a second."""
+ALSO_THERE = {
+    ("scipy_ode", "voltage_clipping"): frozenset({"input_lag", "input_delay"}),
+}
+"""What a generator's machines of a kind have beside it, which is no false name then: a current loop
+of 500 to 900 Hz, where its supply has a limit."""
 OTHERWISE_TOLD = "another mistake told"
 CLEAN = ("none", "gravity_constant")
 """Kinds that lack nothing: a constant weight is an offset."""
@@ -158,8 +163,11 @@ def families_of(names: Iterable[str]) -> frozenset[str]:
 
 
 @cache
-def truth_of(kind: str) -> KindTruth:
-    """Return what may be said of a kind. Raises KeyError where nothing is known of it."""
+def truth_of(kind: str, generator: str = "") -> KindTruth:
+    """Return what may be said of a kind, by one of the generators or by any.
+
+    Raises KeyError where nothing is known of it.
+    """
     if kind in CLEAN or kind in CLEAN_KINDS:
         return KindTruth("clean", frozenset(), frozenset(), NOTHING_MISSING)
     if kind in MISTAKES:
@@ -169,6 +177,7 @@ def truth_of(kind: str) -> KindTruth:
         return KindTruth("outside", names, frozenset(), CALLED_UNKNOWN)
     names = frozenset(NAMES[kind])
     family = frozenset(name for part in FAMILIES if names & set(part) for name in part) - names
+    family |= ALSO_THERE.get((generator, kind), frozenset())
     if names.isdisjoint(built_in_effects()):
         return KindTruth("outside", names, family, CALLED_UNKNOWN)
     return KindTruth("known", names, family, SILENCE.get(kind, frozenset()))

@@ -26,6 +26,9 @@ FEWEST_PERIODS = 3.5
 """Periods over the travel that the longest form has, which bounds the refinement as well: what
 repeats less often may be any curve. Fewer takes a slow curve for an error that repeats, more misses
 long ones of screws and gears. Chosen by hand."""
+TURN_RAD = 2.0 * math.pi
+"""Period that is tried of an axis that turns round at least once [rad]: a disc or a gear off its
+centre errs once a turn. Larger or smaller is no turn. Arithmetic."""
 STEEPEST = 0.5
 """Largest slope of the error [m/m]. Nearer to 1 three steps of the correction leave more of it, and
 from there on one measurement belongs to several positions; smaller refuses errors that could be
@@ -108,7 +111,7 @@ class EncoderError(Effect):
     def trials(cls, spans: Spans) -> Sequence[Effect]:
         """Return the periods that encoders of this resolution have; no error yet.
 
-        And the longest: those of screws and gears come from the lines of a spectrum.
+        And the longest, and one turn: those of screws and gears come from the lines of a spectrum.
         """
         count = spans.resolution_m
         periods = {*(n * count for n in COUNTS), *PERIODS_M}
@@ -117,6 +120,8 @@ class EncoderError(Effect):
         longest = spans.travel_m / FEWEST_PERIODS
         if shortest < longest < math.inf:
             tried.append(longest)
+        if spans.rotary and spans.travel_m > max(TURN_RAD, longest):
+            tried.append(TURN_RAD)
         return [cls(EncoderErrorOptions(period_m=period)) for period in tried]
 
     @classmethod
