@@ -37,6 +37,12 @@ C2 = EffectList(
         )
     ]
 )
+ANY_LOOP = given(
+    theta1=st.floats(0.05, 1.0),
+    theta2=st.floats(0.0, 1.0),
+    ks=st.floats(20.0, 150.0),
+    delay=st.floats(0.0, 4e-4),
+)
 THETA_X = np.array([0.19, 0.25, 0.1, 0.02, -0.005, -0.0005])
 
 
@@ -99,12 +105,7 @@ def test_the_gain_margin_is_where_the_loop_in_time_starts_to_grow(delay_ticks, t
 
 
 @settings(max_examples=25)
-@given(
-    theta1=st.floats(0.05, 1.0),
-    theta2=st.floats(0.0, 1.0),
-    ks=st.floats(20.0, 150.0),
-    delay=st.floats(0.0, 4e-4),
-)
+@ANY_LOOP
 def test_the_phase_margin_is_the_delay_that_the_loop_bears(theta1, theta2, ks, delay):
     gains = GAINS | {"ks_v_s_m": ks, "gamma_d": ks}
     margins = loop_margins(theta1, theta2, **gains, delay_s=delay)
@@ -116,12 +117,7 @@ def test_the_phase_margin_is_the_delay_that_the_loop_bears(theta1, theta2, ks, d
 
 
 @settings(max_examples=25)
-@given(
-    theta1=st.floats(0.05, 1.0),
-    theta2=st.floats(0.0, 1.0),
-    ks=st.floats(20.0, 150.0),
-    delay=st.floats(0.0, 4e-4),
-)
+@ANY_LOOP
 def test_at_the_margins_the_loop_passes_one_and_minus_one(theta1, theta2, ks, delay):
     gains = LoopGains(250.0, ks, ks)
     plant = DelayedPlant((theta1, theta2, 0.0), TS, delay)
