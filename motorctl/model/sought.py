@@ -228,6 +228,11 @@ class Sought(ABC):
         """
         return None
 
+    @property
+    def only_corner_is_left(self) -> bool:
+        """Whether the friction beside it turns over so quickly that a corner adds nothing to it."""
+        return True
+
     @classmethod
     def typical(cls, spans: Spans) -> Effect | None:
         """Return a form of middling options, to ask whether a motion could show it, or None."""

@@ -38,6 +38,12 @@ found. Larger doubts displacements that are known to a few tenths, smaller names
 an upper limit is known. Chosen by hand on machines of other hands: with that little, bristles that
 are there take no more than 0.54 of what they took, dry friction 0.97 and 0.995."""
 
+DRY_FROM_S_M = 3000.0
+"""Slope of the friction beside it from which that is dry by itself. Larger names bristles of dry
+friction, smaller misses a dry part of friction that turns over slowly otherwise, as a ball screw's.
+Chosen by hand: dry machines of other hands are mended to 8,700 and 12,000, a published ball screw
+that sticks to 50."""
+
 
 class PreslidingOptions(SlopeOptions):
     """How far the contact yields before it slides."""
@@ -129,6 +135,11 @@ class Presliding(Effect):
         """Return the form that turns over at once, as friction does that does not bend."""
         sooner = SOONER * self.options.displacement_m
         return self.with_options(displacement_m=sooner) if sooner >= LEAST_M else None
+
+    @property
+    def only_corner_is_left(self) -> bool:
+        """Whether the friction beside it is dry: a slower one may lack a part that is."""
+        return self.options.slope_s_m >= DRY_FROM_S_M
 
 
 @njit(inline="always")

@@ -107,11 +107,14 @@ def test_bending_by_next_to_nothing_explains_dry_friction_and_no_other(bends, di
     regressors, _ = whitened(make_signals(axis(bends), slope_s_m=900.0), C1, (form,))
     hypothesis = Hypothesis(regressors).refreshed()
     assert is_corner(hypothesis, measure(hypothesis, form)) != bends
-    refuted = corner_of_friction(hypothesis.plus(form))
+    beside_dry = form.with_options(slope_s_m=5000.0)
+    refuted = corner_of_friction(hypothesis.plus(beside_dry))
     assert (refuted is None) == bends
     if refuted:
-        assert refuted[0] == form
-        assert re.search(r"explains 10\d % of what it does .limit 75 %.: .* dry", refuted[1])
+        assert refuted[0] == beside_dry
+        assert re.search(r"explains \d+ % of what it does .limit 75 %.: .* dry", refuted[1])
+    # what turns over slowly may lack a part that is dry
+    assert corner_of_friction(hypothesis.plus(form)) is None
 
 
 def test_the_least_displacement_has_no_corner_below():

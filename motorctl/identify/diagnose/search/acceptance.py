@@ -140,7 +140,7 @@ def acceptable(
         and taken > least * before.held_out
         and not at_bound(form.effect, spans)
         and taken > LEAST_EXCESS[before.regressors.side] * excess
-        and not is_corner(before, form)
+        and not (form.effect.only_corner_is_left and is_corner(before, form))
     )
 
 

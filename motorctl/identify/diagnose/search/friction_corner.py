@@ -17,7 +17,7 @@ from motorctl.model import Effect
 def corner_of_friction(final: Hypothesis) -> tuple[Effect, str] | None:
     """Return an added effect that is hardly more than the corner of friction, and what to say."""
     for effect in final.added:
-        if effect.corner() is None:
+        if effect.corner() is None or not effect.only_corner_is_left:
             continue
         form = Form(effect, final.solution.sse, final.held_out)
         share = corner_takes(final.without(effect.name).refreshed(), form)
