@@ -37,7 +37,6 @@ SOONER = 0.03
 found. Larger doubts displacements that are known to a few tenths, smaller names those of which only
 an upper limit is known. Chosen by hand on machines of other hands: with that little, bristles that
 are there take no more than 0.54 of what they took, dry friction 0.97 and 0.995."""
-
 DRY_FROM_S_M = 3000.0
 """Slope of the friction beside it from which that is dry by itself. Larger names bristles of dry
 friction, smaller misses a dry part of friction that turns over slowly otherwise, as a ball screw's.

@@ -39,8 +39,7 @@ Chosen by hand."""
 EARLY = 5
 """Generations after which evolution ends where nothing shows by then. More take time, fewer miss
 gaps that are met late. Chosen by hand: machines of other hands with a gap leave 0.83 by then at
-most, others 0.79 to 0.95.
-"""
+most, others 0.79 to 0.95."""
 LAST_MEMBERS, LAST_GENERATIONS = 30, 12
 """Forms that evolve, and how long, in the whole band around what was found. More take time, fewer
 end beside the valley. Chosen by hand."""

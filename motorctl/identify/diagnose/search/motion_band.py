@@ -65,13 +65,14 @@ def motion_band_hz(heard: Hypothesis, widest_hz: float) -> float:
     if highest > LEAST_PART * widest_hz:
         return widest_hz
     narrow = max(MARGIN * highest, min(NARROWEST_HZ, plain.band_hz))
-    return plain.band_hz if _wave_shows_beyond(narrow, heard.refreshed()) else narrow
+    return plain.band_hz if _wave_shows_beyond(narrow, heard) else narrow
 
 
 def _wave_shows_beyond(band_hz: float, heard: Hypothesis) -> bool:
     """Return whether a wave over position that is faster than a band at speed takes a good part."""
     if not band_hz < heard.regressors.signals.band_hz:
         return False
+    heard = heard.refreshed()
     waves = [c for c in heard.regressors.catalogue.values() if "wave_of_measurement" in c.groups]
     spans = spans_of(heard.regressors.signals)
     forms = [best_form(heard, cls, spans, None) for cls in waves]
